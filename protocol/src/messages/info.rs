@@ -1,0 +1,86 @@
+//! What a robot is.
+
+use armada_model::{JointLimits, JointType};
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+use crate::RobotName;
+
+/// Identity, joints and abilities of a robot; changes only when `model_rev` does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RobotInfo {
+    /// Name in the cell.
+    pub robot: RobotName,
+    /// Identity that stays the same over restarts, from the robot file.
+    pub uuid: Uuid,
+    /// This run of the agent.
+    pub boot_id: Uuid,
+    /// Sequence number of this message in this run.
+    pub seqno: u64,
+    /// Which driver speaks to the controller, such as `sim`.
+    pub vendor: String,
+    /// Model name of the maker.
+    pub model: String,
+    /// Serial number; empty if not known.
+    pub serial: String,
+    /// Version of the agent's program.
+    pub software_version: String,
+    /// Revision of this description; raised by each change.
+    pub model_rev: u64,
+    /// The joints in the order of every array of this robot.
+    pub joints: Vec<JointInfo>,
+    /// Kinematic chains whose tip poses are in the state.
+    pub chains: Vec<ChainInfo>,
+    /// What the robot can do.
+    pub capabilities: Vec<Capability>,
+    /// Methods under `rpc/` that this agent answers.
+    pub methods: Vec<String>,
+    /// Names of the bits of `flags`, with their values.
+    pub flags: Vec<(String, u64)>,
+    /// Period of the control loop \[ms\].
+    pub period_ms: f64,
+    /// How often the state is published \[Hz\].
+    pub state_rate_hz: f64,
+    /// The robot description as URDF text.
+    pub urdf: String,
+}
+
+/// One joint of a robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointInfo {
+    /// Name as in the URDF.
+    pub name: String,
+    /// How it moves, which gives the unit of its numbers.
+    #[serde(rename = "type")]
+    pub joint_type: JointType,
+    /// What it may do, after the robot file has narrowed the URDF's limits.
+    pub limits: JointLimits,
+}
+
+/// A chain of links from a base to a tip.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChainInfo {
+    /// Name of the chain, such as `arm`.
+    pub name: String,
+    /// Link the tip's pose is given in.
+    pub base_link: String,
+    /// Link at the end: the flange or tool centre point.
+    pub tip_link: String,
+}
+
+/// Something a robot can do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Capability {
+    /// Moves of joints to a position.
+    JogCommand,
+    /// Timed trajectories.
+    TrajectoryCommand,
+    /// Errors can be reset by software.
+    SoftwareResetErrors,
+    /// Drives can be switched by software.
+    SoftwareEnable,
+    /// Trajectories are interpolated between waypoints.
+    InterpolatedTrajectory,
+}

@@ -1,0 +1,126 @@
+//! How a robot is, and what may be done next.
+
+use armada_model::MonoTime;
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+use super::{CommandMode, ControllerState, LatchedStop, MotionStatus, OperationalMode, RobotFlags};
+use crate::RobotName;
+
+/// Condition of a robot, published on change and once a second.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RobotStatus {
+    /// Which robot.
+    pub robot: RobotName,
+    /// This run of the agent.
+    pub boot_id: Uuid,
+    /// Sequence number of this message in this run.
+    pub seqno: u64,
+    /// Time, agent's monotonic clock \[ns\].
+    pub stamp_ns: MonoTime,
+    /// Raised by every halt, stop, reset and change of mode.
+    pub epoch: u64,
+    /// What kind of command is followed.
+    pub command_mode: CommandMode,
+    /// The controller's key switch.
+    pub operational_mode: OperationalMode,
+    /// What the controller does.
+    pub controller_state: ControllerState,
+    /// Conditions as bits.
+    pub flags: RobotFlags,
+    /// The latched stop, if any.
+    pub stop: Option<StopLatch>,
+    /// Latched faults, oldest first.
+    pub faults: Vec<Fault>,
+    /// Who may command; null while nobody holds a lease.
+    pub lease: Option<Lease>,
+    /// The motion in progress or waiting for its start.
+    pub motion: Option<MotionStatus>,
+    /// Timing of the control loop.
+    pub control_loop: LoopStatistics,
+    /// Messages that were dropped or refused since the start, by reason.
+    pub dropped: Vec<(String, u64)>,
+    /// What may be done next, in words for a person.
+    pub next: Vec<String>,
+}
+
+/// A stop in force: no motion before a reset.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StopLatch {
+    /// Highest level asked for.
+    pub level: super::StopLevel,
+    /// Every stop that the reset must clear.
+    pub stops: Vec<LatchedStop>,
+    /// How far the robot has come.
+    pub stage: super::StopStage,
+}
+
+/// Who may command a robot, and for how long.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lease {
+    /// Name of the holder.
+    pub holder: String,
+    /// Time left \[ms\].
+    pub remaining_ms: u64,
+}
+
+/// A latched fault; it stays until `reset_errors` when its cause is gone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    /// What kind.
+    pub code: FaultCode,
+    /// What happened, with joint, value and limit.
+    pub message: String,
+    /// When it was latched, agent's monotonic clock \[ns\].
+    pub since_ns: MonoTime,
+}
+
+/// Kind of a [`Fault`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultCode {
+    /// No feedback for longer than the allowed time.
+    CommunicationLost,
+    /// The controller reports an error.
+    ControllerError,
+    /// The controller's own emergency stop is pressed.
+    EmergencyStop,
+    /// Drives went off, or the controller stopped taking commands, during a motion.
+    NotReady,
+    /// Measured and commanded position went too far apart.
+    TrackingError,
+    /// The control loop itself failed.
+    LoopError,
+}
+
+/// Timing of a control loop since its start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LoopStatistics {
+    /// Ticks so far.
+    pub ticks: u64,
+    /// Rate over the last second \[Hz\].
+    pub rate_hz: f64,
+    /// Rate asked for \[Hz\].
+    pub target_rate_hz: f64,
+    /// Ticks whose work took longer than a period.
+    pub overruns: u64,
+    /// Periods in which no tick ran.
+    pub missed_periods: u64,
+    /// Set-points that the limiter had to change.
+    pub limited_setpoints: u64,
+    /// Latest wake-up after its deadline, over the last second \[µs\].
+    pub worst_wake_us: f64,
+    /// How the operating system really schedules the loop.
+    pub scheduling: SchedulingPolicy,
+}
+
+/// How the operating system schedules a thread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SchedulingPolicy {
+    /// Time sharing: real-time scheduling was not asked for or not permitted.
+    #[default]
+    Other,
+    /// `SCHED_FIFO` with this priority.
+    Fifo(u8),
+}
