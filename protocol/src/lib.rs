@@ -1,0 +1,25 @@
+//! The contract of Armada on Zenoh: keys, messages, encodings, and helpers for both ends.
+//!
+//! ```text
+//! keys, method, messages   what is said and where        (no Zenoh session)
+//! codec                    messages <-> bytes
+//! session                  a Zenoh session set up for a role
+//! serve                    the answering end, for agent and gateway
+//! client                   the asking end, for programs
+//! ```
+//!
+//! Invariants: no other crate spells a key; a message that decodes is valid in itself; a refused
+//! request is answered with a [`messages::Denial`] on the reply's error channel; zero replies to a
+//! request are a failure, never a success.
+
+pub mod client;
+pub mod codec;
+pub mod keys;
+pub mod messages;
+pub mod method;
+pub mod qos;
+mod robot_name;
+pub mod serve;
+pub mod session;
+
+pub use robot_name::{RobotName, RobotNameError};
