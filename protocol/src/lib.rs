@@ -4,6 +4,7 @@
 //! keys, method, messages   what is said and where        (no Zenoh session)
 //! codec                    messages <-> bytes
 //! session                  a Zenoh session set up for a role
+//! generated                KEYS.md and keys.json from the tables
 //! serve                    the answering end, for agent and gateway
 //! client                   the asking end, for programs
 //! ```
@@ -14,6 +15,7 @@
 
 pub mod client;
 pub mod codec;
+pub mod generated;
 pub mod keys;
 pub mod messages;
 pub mod method;

@@ -7,6 +7,7 @@ mod subscription;
 use std::time::{Duration, SystemTime};
 
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 use tokio::time::Instant;
 use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::sample::SampleKind;
@@ -20,7 +21,8 @@ use crate::RobotName;
 use crate::codec::{MAX_MESSAGE_BYTES, WireEncoding};
 use crate::keys;
 use crate::messages::{
-    CellInfo, CellStatus, ClockSample, Denial, MotionStatus, Request, RobotInfo, RobotStatus,
+    CellInfo, CellMotionStatus, CellStatus, ClockSample, Denial, DenialCode, MotionStatus, Request, RobotInfo,
+    RobotStatus,
 };
 use crate::method::Method;
 use crate::session::{self, DEFAULT_GATEWAY_ENDPOINT, Role, SessionOptions};
@@ -29,6 +31,12 @@ use crate::session::{self, DEFAULT_GATEWAY_ENDPOINT, Role, SessionOptions};
 const RETRY_PAUSE: Duration = Duration::from_millis(50);
 /// How long to wait for a value such as a status.
 const VALUE_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long to wait for the first endpoint to answer.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long to wait for the other endpoints after the first; they are dialled further.
+const CONNECT_GRACE: Duration = Duration::from_millis(150);
+/// Pause between looks at the links.
+const CONNECT_PAUSE: Duration = Duration::from_millis(2);
 
 /// How a client reaches its cell.
 #[derive(Clone, Debug)]
@@ -73,10 +81,11 @@ impl Client {
             insecure_lan: false,
         })
         .await?;
-        if session.info().transports().await.next().is_none() {
-            return Err(ClientError::NobodyThere { endpoints: options.connect });
+        if wait_for_links(&session, options.connect.len()).await {
+            Ok(Self { session, name: options.name })
+        } else {
+            Err(ClientError::NobodyThere { endpoints: options.connect })
         }
-        Ok(Self { session, name: options.name })
     }
 
     /// The Zenoh session beneath.
@@ -104,6 +113,32 @@ impl Client {
     /// As [`Self::call`].
     pub async fn call_cell<M: Method>(&self, params: M::Params) -> Result<M::Answer, ClientError> {
         self.call_key::<M>(&keys::CELL_RPC.with(&[M::NAME]), params).await
+    }
+
+    /// Asks for a method by its name, with parameters and answer as they are on the wire: for
+    /// programs that pass requests on. Asks the gateway if `robot` is `None`.
+    ///
+    /// # Errors
+    /// As [`Self::call`]; [`ClientError::Denied`] also if `method` is no name of a method.
+    pub async fn call_by_name(
+        &self,
+        robot: Option<&RobotName>,
+        method: &str,
+        params: Value,
+        timeout: Duration,
+    ) -> Result<Value, ClientError> {
+        // Names of vendors' methods hold slashes; wild cards would ask several at once.
+        let is_name = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '/');
+        if method.is_empty() || !method.chars().all(is_name) {
+            let message = format!("{method:?} is not the name of a method");
+            return Err(Denial::new(DenialCode::InvalidArgument, message).into());
+        }
+        let key = match robot {
+            Some(robot) => keys::ROBOT_RPC.with(&[robot.as_str(), method]),
+            None => keys::CELL_RPC.with(&[method]),
+        };
+        let payload = WireEncoding::Json.encode(&Request::new(self.name.clone(), params))?;
+        self.ask(&key, Some(payload), timeout).await
     }
 
     async fn call_key<M: Method>(
@@ -201,6 +236,14 @@ impl Client {
         self.value(&keys::ROBOT_MOTION.with(&[robot.as_str(), &id.to_string()])).await
     }
 
+    /// Status of a motion of several robots, also after its end.
+    ///
+    /// # Errors
+    /// As [`Self::call`].
+    pub async fn cell_motion(&self, id: uuid::Uuid) -> Result<CellMotionStatus, ClientError> {
+        self.value(&keys::CELL_MOTION.with(&[&id.to_string()])).await
+    }
+
     /// The robots of the cell and where they stand.
     ///
     /// # Errors
@@ -259,6 +302,27 @@ impl Client {
     pub fn close(self) {
         // A failure to say goodbye changes nothing for anybody.
         drop(self.session.close().wait());
+    }
+}
+
+/// Waits until every endpoint is linked, or some are and the others keep silent for a while; a dead
+/// gateway must not delay a stop. Returns whether there is a link at all.
+async fn wait_for_links(session: &Session, endpoints: usize) -> bool {
+    let deadline = now() + CONNECT_TIMEOUT;
+    let mut first: Option<Instant> = None;
+    loop {
+        let links = session.info().transports().await.count();
+        if links > 0 && links >= endpoints {
+            return true;
+        }
+        if links > 0 && first.is_none() {
+            first = Some(now());
+        }
+        let patience = first.map_or(deadline, |first| first + CONNECT_GRACE);
+        if now() >= patience {
+            return links > 0;
+        }
+        tokio::time::sleep(CONNECT_PAUSE).await;
     }
 }
 

@@ -39,7 +39,7 @@ pub struct CellRobot {
 }
 
 /// Where a robot's root link is fixed.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mount {
     /// `world`, or a link of another robot as `robot/link`.
@@ -48,6 +48,13 @@ pub struct Mount {
     /// Pose of the robot's root link in the parent.
     #[serde(default)]
     pub pose: Pose,
+}
+
+impl Default for Mount {
+    /// The robot's root link is the world.
+    fn default() -> Self {
+        Self { parent: world(), pose: Pose::default() }
+    }
 }
 
 fn world() -> String {

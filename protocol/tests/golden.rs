@@ -1,0 +1,86 @@
+//! Every golden sample decodes to its type and comes back the same, in both encodings.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::path::PathBuf;
+
+use armada_protocol::codec::WireEncoding;
+use armada_protocol::messages::*;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden")
+}
+
+fn check<T: Serialize + DeserializeOwned>(name: &str) {
+    let path = folder().join(name).with_extension("json");
+    let text = fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let golden: Value = serde_json::from_slice(&text).expect("golden sample is JSON");
+    let message: T =
+        serde_json::from_value(golden.clone()).unwrap_or_else(|e| panic!("{name}: {e}"));
+    assert_eq!(serde_json::to_value(&message).expect("encodes"), golden, "{name}");
+    let packed = WireEncoding::MessagePack.encode(&message).expect("packs");
+    let unpacked: T = WireEncoding::MessagePack.decode(&packed, 1 << 20).expect("unpacks");
+    assert_eq!(serde_json::to_value(&unpacked).expect("encodes"), golden, "{name} as MessagePack");
+}
+
+macro_rules! golden {
+    ($($name:literal: $message:ty,)+) => {
+        const NAMES: &[&str] = &[$($name),+];
+
+        #[test]
+        fn every_sample_comes_back_the_same_in_both_encodings() {
+            $(check::<$message>($name);)+
+        }
+    };
+}
+
+golden! {
+    "robot_info": RobotInfo,
+    "robot_state": RobotState,
+    "robot_status": RobotStatus,
+    "joint_state": JointState,
+    "event": Event,
+    "motion_status": MotionStatus,
+    "stop_request": StopRequest,
+    "stop_ack": StopAck,
+    "stop_report": StopReport,
+    "clock_sample": ClockSample,
+    "denial": Denial,
+    "cell_info": CellInfo,
+    "cell_status": CellStatus,
+    "cell_frames": CellFrames,
+    "cell_motion_status": CellMotionStatus,
+    "request_set_mode": Request<SetModeParams>,
+    "request_empty": Request<Empty>,
+    "request_jog_freespace": Request<JogFreespaceParams>,
+    "request_execute_trajectory": Request<ExecuteTrajectoryParams>,
+    "request_commit": Request<CommitParams>,
+    "request_cancel": Request<CancelParams>,
+    "request_reset": Request<ResetParams>,
+    "request_cell_execute_trajectory": Request<CellExecuteTrajectory>,
+    "request_cell_reset": Request<CellResetParams>,
+    "answer_mode": ModeAnswer,
+    "answer_halt": HaltAnswer,
+    "answer_accepted": Accepted,
+    "answer_prepared": Prepared,
+    "answer_reset": ResetAnswer,
+    "answer_cell_reset": CellResetAnswer,
+}
+
+#[test]
+fn no_sample_is_left_unread() {
+    let mut files: Vec<String> = fs::read_dir(folder())
+        .expect("folder of golden samples")
+        .map(|entry| entry.expect("entry").path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "json"))
+        .map(|path| path.file_stem().expect("a name").to_string_lossy().into_owned())
+        .collect();
+    files.sort();
+    let mut names: Vec<&str> = NAMES.to_vec();
+    names.sort_unstable();
+    assert_eq!(files, names);
+}
