@@ -1,1 +1,3 @@
-//! Placeholder.
+//! Coordinator and world of one robot cell.
+
+pub mod config;
