@@ -1,0 +1,50 @@
+//! The abstract-robot loop: one pure step a tick.
+//!
+//! ```text
+//!  feedback --verify--> condition, faults --+
+//!  stop gate ---stop--> latched stop -------+--> mode, epoch
+//!  requests -->orders--> motion ------------+       |
+//!                          |                        v
+//!             motion | ramp | hold --set-point--> limit --> controller
+//! ```
+//!
+//! The phases of [`step`] in this order, one file each: `verify` the feedback, follow the `stop`
+//! gate, take the `orders`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
+//! the `controller` for what it is to switch, and say what happened.
+//!
+//! Invariants, each a test:
+//! * Nothing here allocates, waits, or can fail: what goes wrong becomes a fault and a ramp.
+//! * **One stream.** Set-points are sent while the controller is heard, its drives are on, it takes
+//!   commands, and no stop of level L0 is in force. While nothing moves, the last one is sent
+//!   again at every tick, in halt too: the controller's own watchdog sees a live stream. A stream
+//!   that broke off begins anew at the measured position, and not in `invalid_state`, unless a
+//!   stop is latched: then "stay where you are" is what is to be said.
+//! * **One way out.** Every set-point passes the limiter, which knows what was sent before.
+//! * **The epoch** is raised by each change of mode, halt, stop, reset, fault and disable, and
+//!   raising it ends the motion in progress, in the same call. So no halt between two ticks is
+//!   lost, whatever follows it.
+//! * A motion ends in a ramp from what was sent last, unless the stream breaks off.
+//! * Every request is answered once; every motion has one terminal status.
+
+mod controller;
+mod io;
+mod limit;
+mod mode;
+mod motion;
+mod orders;
+mod standstill;
+mod state;
+mod step;
+mod stop;
+mod tracking;
+mod verify;
+
+#[cfg(test)]
+mod tests;
+
+pub use io::{
+    FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopFault, LoopRequest, MAX_EVENTS,
+    MAX_REQUESTS, MAX_RETIRED, MotionReport, Order, Output, Params, Refusal, Snapshot,
+};
+pub use state::{LoopState, ParamsError};
+pub use step::step;

@@ -1,0 +1,166 @@
+//! Requests: each is granted, refused, or left to wait for the controller.
+
+use armada_model::MotionState;
+use armada_protocol::messages::{CommandMode, FaultCode};
+use uuid::Uuid;
+
+use super::io::{FollowOrder, JogOrder, LoopRequest, Order, Refusal};
+use super::motion::{End, JogMotion, Motion, Source, StartPoint, TrajectoryMotion};
+use super::state::{LoopState, Tick};
+use crate::drivers::DriverRequest;
+
+/// What becomes of a request that is not refused.
+enum Verdict {
+    Granted,
+    /// The controller has to do something first.
+    Waiting,
+}
+
+impl LoopState {
+    /// Does what is asked, or says why not.
+    pub(super) fn take(&mut self, tick: &mut Tick<'_>, request: LoopRequest) {
+        let LoopRequest { ticket, order } = request;
+        let granted = |()| Verdict::Granted;
+        let verdict = match order {
+            Order::SetMode(mode) => self.set_mode(tick, mode).map(granted),
+            Order::Halt => self.halt(tick).map(granted),
+            Order::Enable => self.enable(tick, ticket),
+            Order::Disable => self.disable(tick, ticket),
+            Order::ResetErrors => self.reset_errors(tick, ticket),
+            Order::Jog(order) => self.jog(tick, &order).map(granted),
+            Order::Follow(order) => self.follow(tick, order).map(granted),
+            Order::Cancel(id) => self.cancel(tick, id).map(granted),
+        };
+        match verdict {
+            Ok(Verdict::Granted) => tick.answer(ticket, Ok(self.granted())),
+            Ok(Verdict::Waiting) => {}
+            Err(refusal) => tick.answer(ticket, Err(refusal)),
+        }
+    }
+
+    fn enable(&mut self, tick: &Tick<'_>, ticket: u64) -> Result<Verdict, Refusal> {
+        self.check_gate()?;
+        if self.mode == CommandMode::InvalidState {
+            return Err(self.invalid_because());
+        }
+        if self.controller.awaits(DriverRequest::Disable) {
+            return Err(Refusal::Disabled);
+        }
+        if self.condition.follows() {
+            return Ok(Verdict::Granted);
+        }
+        let until = tick.now + tick.params.request_timeout;
+        self.controller.wait(ticket, DriverRequest::Enable, until)?;
+        Ok(Verdict::Waiting)
+    }
+
+    fn disable(&mut self, tick: &mut Tick<'_>, ticket: u64) -> Result<Verdict, Refusal> {
+        if self.condition.feedback().is_none() {
+            return Err(Refusal::CommunicationLost);
+        }
+        self.refuse_pending(tick, DriverRequest::Enable, Refusal::Disabled);
+        let mode = match self.mode {
+            CommandMode::InvalidState => CommandMode::InvalidState,
+            _ => CommandMode::Halt,
+        };
+        self.change_mode(tick, mode, End::Cancelled(Refusal::Disabled));
+        if self.condition.drives_are_off() {
+            return Ok(Verdict::Granted);
+        }
+        // The deadline is set when the controller is asked, after the ramp.
+        self.controller.wait(ticket, DriverRequest::Disable, tick.now)?;
+        Ok(Verdict::Waiting)
+    }
+
+    fn reset_errors(&mut self, tick: &mut Tick<'_>, ticket: u64) -> Result<Verdict, Refusal> {
+        self.controller.reset_once();
+        match self.remaining_cause(tick) {
+            None => {
+                self.clear_faults(tick);
+                Ok(Verdict::Granted)
+            }
+            Some(_) if self.condition.feedback().is_none() => Err(self.cause_of_silence()),
+            Some(_) => {
+                let until = tick.now + tick.params.request_timeout;
+                self.controller.wait(ticket, DriverRequest::ResetErrors, until)?;
+                Ok(Verdict::Waiting)
+            }
+        }
+    }
+
+    fn jog(&mut self, tick: &mut Tick<'_>, order: &JogOrder) -> Result<(), Refusal> {
+        self.check_motion_mode(CommandMode::Jog)?;
+        let running = self.motion.as_ref().filter(|_| self.ramp.is_none());
+        if running.is_some_and(|motion| motion.id == order.id) {
+            // A motion has one terminal status, so one identity cannot end and go on.
+            return Err(Refusal::Busy(order.id));
+        }
+        let start = match running.map(|motion| &motion.source) {
+            // On the curve, not between the set-points: so its velocity stays continuous.
+            Some(Source::Jog(jog)) => jog.state(tick.period_s()),
+            _ => self.rest()?,
+        };
+        let jog = JogMotion::plan(order, &start, &self.limits)?;
+        self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
+        self.motion = Some(Motion::new(order.id, Source::Jog(jog)));
+        Ok(())
+    }
+
+    fn follow(&mut self, tick: &mut Tick<'_>, order: FollowOrder) -> Result<(), Refusal> {
+        match self.plan_to_follow(tick, &order) {
+            Ok(trajectory) => {
+                self.motion = Some(Motion::new(order.id, Source::Trajectory(trajectory)));
+                Ok(())
+            }
+            Err(refusal) => {
+                tick.retire(order.trajectory);
+                Err(refusal)
+            }
+        }
+    }
+
+    fn plan_to_follow(
+        &self,
+        tick: &Tick<'_>,
+        order: &FollowOrder,
+    ) -> Result<TrajectoryMotion, Refusal> {
+        self.check_gate()?;
+        if let Some(given) = order.epoch.filter(|&given| given != self.epoch) {
+            return Err(Refusal::EpochPassed { given, current: self.epoch });
+        }
+        self.check_motion_mode(CommandMode::Trajectory)?;
+        if let Some(motion) = self.motion.as_ref().filter(|_| self.ramp.is_none()) {
+            return Err(Refusal::Busy(motion.id));
+        }
+        let held = self.rest()?;
+        let measured = self.condition.feedback().ok_or(Refusal::CommunicationLost)?;
+        let from = StartPoint { held: &held, measured: &measured.joint_position };
+        TrajectoryMotion::plan(order, &from, &self.limits, tick)
+    }
+
+    fn cancel(&mut self, tick: &mut Tick<'_>, id: Uuid) -> Result<(), Refusal> {
+        let motion = self.motion.as_mut().filter(|motion| motion.id == id);
+        let motion = motion.ok_or(Refusal::NoSuchMotion)?;
+        motion.cancelling = true;
+        self.decelerate(tick);
+        if self.ramp.is_none() {
+            self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
+        }
+        Ok(())
+    }
+
+    /// The state a motion begins in that does not follow another.
+    fn rest(&self) -> Result<MotionState, Refusal> {
+        self.check_standing()?;
+        let last = self.limiter.last().ok_or(Refusal::NotReady)?;
+        Ok(MotionState { position: last.position, velocity: last.velocity.map_indexed(|_, _| 0.0) })
+    }
+
+    fn cause_of_silence(&self) -> Refusal {
+        if self.faults.iter().any(|fault| fault.code == FaultCode::CommunicationLost) {
+            Refusal::CauseRemains(FaultCode::CommunicationLost)
+        } else {
+            Refusal::CommunicationLost
+        }
+    }
+}

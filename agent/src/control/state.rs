@@ -1,0 +1,209 @@
+//! What the loop remembers from tick to tick, and the few ways to change it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use armada_model::{
+    CompiledTrajectory, JointVector, MonoTime, MotionLimits, MotionLimitsError, StopRamp,
+};
+use armada_protocol::messages::{CommandMode, FaultCode};
+use arrayvec::ArrayVec;
+
+use super::controller::Controller;
+use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal};
+use super::limit::Limiter;
+use super::motion::{End, Motion};
+use super::standstill::Standstill;
+use super::stop::Stop;
+use super::tracking::Tracking;
+use super::verify::Condition;
+
+/// Most faults that can be latched: one of each kind.
+pub(super) const MAX_FAULTS: usize = 6;
+
+/// What the loop remembers from tick to tick.
+#[derive(Debug)]
+pub struct LoopState {
+    pub(super) limits: MotionLimits,
+    pub(super) seqno: u64,
+    /// Changed by [`raise_epoch`](Self::raise_epoch) only.
+    pub(super) epoch: u64,
+    /// Changed by [`change_mode`](Self::change_mode) only.
+    pub(super) mode: CommandMode,
+    pub(super) condition: Condition,
+    /// Latched faults, oldest first.
+    pub(super) faults: ArrayVec<LoopFault, MAX_FAULTS>,
+    pub(super) stop: Stop,
+    pub(super) controller: Controller,
+    pub(super) standstill: Standstill,
+    pub(super) tracking: Tracking,
+    pub(super) limiter: Limiter,
+    /// Where the robot is held while neither ramp nor motion is in progress.
+    pub(super) hold: JointVector,
+    pub(super) ramp: Option<StopRamp>,
+    pub(super) motion: Option<Motion>,
+}
+
+/// Why a loop cannot run with its parameters.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ParamsError {
+    /// A joint's limits are not complete or make no sense.
+    #[error(transparent)]
+    Limits(#[from] MotionLimitsError),
+    /// A vector does not have one positive, finite value per joint.
+    #[error("{field} has {len} values, expected one above 0 for each of {expected} joints")]
+    JointValues {
+        /// Which vector.
+        field: &'static str,
+        /// Number of its values.
+        len: usize,
+        /// Number of joints.
+        expected: usize,
+    },
+    /// The period is zero or longer than the communication timeout.
+    #[error("period is {period:?}, expected above 0 and at most the timeout of {limit:?}")]
+    Period {
+        /// The period.
+        period: Duration,
+        /// The communication timeout.
+        limit: Duration,
+    },
+}
+
+/// What the phases of one tick share.
+pub(super) struct Tick<'a> {
+    pub(super) params: &'a Params,
+    pub(super) now: MonoTime,
+    pub(super) loop_error: bool,
+    pub(super) output: &'a mut Output,
+}
+
+impl Tick<'_> {
+    pub(super) fn event(&mut self, event: LoopEvent) {
+        let pushed = self.output.events.try_push(event);
+        // `MAX_EVENTS` says why there is room; the tests look for a tick that needs more.
+        debug_assert!(pushed.is_ok(), "more events in a tick than MAX_EVENTS");
+    }
+
+    pub(super) fn answer(&mut self, ticket: u64, result: Result<Granted, Refusal>) {
+        self.event(LoopEvent::Answer { ticket, result });
+    }
+
+    /// Gives a trajectory back, so that it is not freed in the loop.
+    pub(super) fn retire(&mut self, trajectory: Arc<CompiledTrajectory>) {
+        let pushed = self.output.retired.try_push(trajectory);
+        debug_assert!(pushed.is_ok(), "more trajectories in a tick than MAX_RETIRED");
+    }
+
+    pub(super) const fn period_s(&self) -> f64 {
+        self.params.period.as_secs_f64()
+    }
+}
+
+impl LoopState {
+    /// The state before the first tick: `invalid_state`, nothing known of the robot.
+    ///
+    /// # Errors
+    /// [`ParamsError::Limits`] if a limit is missing or makes no sense,
+    /// [`ParamsError::JointValues`] if a tolerance or the standstill velocity does not have one
+    /// value above zero per joint,
+    /// [`ParamsError::Period`] if the period is zero or longer than the communication timeout.
+    pub fn new(params: &Params) -> Result<Self, ParamsError> {
+        let limits = MotionLimits::new(&params.limits)?;
+        let expected = limits.len();
+        for (field, vector) in [
+            ("start_tolerance", &params.start_tolerance),
+            ("tracking_tolerance", &params.tracking_tolerance),
+            ("standstill_velocity", &params.standstill_velocity),
+        ] {
+            let sensible = vector.iter().all(|&value| value.is_finite() && value > 0.0);
+            if vector.len() != expected || !sensible {
+                return Err(ParamsError::JointValues { field, len: vector.len(), expected });
+            }
+        }
+        let (period, limit) = (params.period, params.communication_timeout);
+        if period.is_zero() || period > limit {
+            return Err(ParamsError::Period { period, limit });
+        }
+        Ok(Self {
+            limits,
+            seqno: 0,
+            epoch: 0,
+            mode: CommandMode::InvalidState,
+            condition: Condition::default(),
+            faults: ArrayVec::new(),
+            stop: Stop::default(),
+            controller: Controller::default(),
+            standstill: Standstill::default(),
+            tracking: Tracking::new(params),
+            limiter: Limiter::new(&limits, params.period),
+            hold: JointVector::EMPTY,
+            ramp: None,
+            motion: None,
+        })
+    }
+
+    pub(super) const fn granted(&self) -> Granted {
+        Granted { epoch: self.epoch, command_mode: self.mode }
+    }
+
+    /// Raises the epoch, which ends the motion of the epoch before.
+    pub(super) fn raise_epoch(&mut self, tick: &mut Tick<'_>, end: End) {
+        self.epoch += 1;
+        self.end_motion(tick, end);
+        self.decelerate(tick);
+    }
+
+    /// Enters `mode` in a new epoch; `end` is what becomes of the motion of the old one.
+    pub(super) fn change_mode(&mut self, tick: &mut Tick<'_>, mode: CommandMode, end: End) {
+        self.raise_epoch(tick, end);
+        self.enter(tick, mode);
+    }
+
+    /// Latches a fault: the motion fails, the robot decelerates, the mode is invalid.
+    pub(super) fn latch(&mut self, tick: &mut Tick<'_>, fault: LoopFault) {
+        let known = self.faults.iter().any(|latched| latched.code == fault.code);
+        if known || self.faults.try_push(fault).is_err() {
+            return;
+        }
+        tick.event(LoopEvent::FaultLatched(fault));
+        self.raise_epoch(tick, End::Failed(refusal_of(fault.code)));
+        self.enter(tick, CommandMode::InvalidState);
+        self.fail_pending(tick, fault.code);
+    }
+
+    /// Clears all faults; the caller has seen to it that no cause remains.
+    pub(super) fn clear_faults(&mut self, tick: &mut Tick<'_>) {
+        if self.faults.is_empty() {
+            return;
+        }
+        self.faults.clear();
+        tick.event(LoopEvent::FaultsCleared);
+        self.change_mode(tick, CommandMode::Halt, End::Cancelled(Refusal::ModeLeft));
+        self.reseed(tick);
+    }
+
+    /// Why nothing is possible in `invalid_state`.
+    pub(super) fn invalid_because(&self) -> Refusal {
+        match self.faults.first() {
+            _ if self.condition.feedback().is_none() => Refusal::CommunicationLost,
+            Some(fault) => Refusal::Faulted(fault.code),
+            None => Refusal::NotReady,
+        }
+    }
+
+    fn enter(&mut self, tick: &mut Tick<'_>, mode: CommandMode) {
+        let from = std::mem::replace(&mut self.mode, mode);
+        if from != mode {
+            tick.event(LoopEvent::Mode { from, to: mode });
+        }
+    }
+}
+
+/// What a fault means for whoever wanted to move.
+pub(super) const fn refusal_of(code: FaultCode) -> Refusal {
+    match code {
+        FaultCode::CommunicationLost => Refusal::CommunicationLost,
+        code => Refusal::Faulted(code),
+    }
+}

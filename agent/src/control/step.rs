@@ -1,0 +1,95 @@
+//! The phases of a tick, in their order.
+
+use armada_model::{JointVector, MonoTime};
+use armada_protocol::messages::{MotionKind, RobotFlags};
+use arrayvec::ArrayVec;
+
+use super::io::{Input, Output, Params, Snapshot};
+use super::state::{LoopState, Tick};
+use crate::drivers::{Feedback, SetPoint};
+
+/// Runs one tick of the loop: takes the requests out of `input`, and tells what is to be sent.
+///
+/// `state` must have been made for these `params`, and be given every output's command in the
+/// order of the ticks. It does not allocate and cannot fail. Trajectories that are no longer
+/// needed are in [`Output::retired`], so that they are not freed in the loop.
+pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output {
+    let mut output = Output {
+        command: None,
+        driver_request: None,
+        snapshot: state.snapshot(params, input.now, None),
+        events: ArrayVec::new(),
+        retired: ArrayVec::new(),
+    };
+    let (now, loop_error) = (input.now, input.loop_error);
+    let mut tick = Tick { params, now, loop_error, output: &mut output };
+    state.seqno += 1;
+    state.verify(&mut tick, input.feedback.as_ref());
+    state.follow_stop(&mut tick, input.stop);
+    state.keep_stream(&tick);
+    for request in input.requests.drain(..) {
+        state.take(&mut tick, request);
+    }
+    tick.output.command = state.set_point(&mut tick);
+    state.watch_standstill(&tick);
+    tick.output.driver_request = state.controller_request(&tick);
+    state.climb(&mut tick);
+    state.answer_pending(&mut tick);
+    output.snapshot = state.snapshot(params, now, output.command.as_ref());
+    output
+}
+
+impl LoopState {
+    fn watch_standstill(&mut self, tick: &Tick<'_>) {
+        let set_points_move = self
+            .limiter
+            .last()
+            .is_some_and(|last| last.velocity.iter().any(|&velocity| velocity != 0.0));
+        let moving = set_points_move || self.motion.as_ref().is_some_and(|m| m.is_moving());
+        self.standstill.update(tick.params, tick.now, self.condition.feedback(), moving);
+    }
+
+    fn snapshot(&self, params: &Params, stamp: MonoTime, sent: Option<&SetPoint>) -> Snapshot {
+        let feedback = self.condition.feedback();
+        let period_s = params.period.as_secs_f64();
+        let measured = |of: fn(&Feedback) -> JointVector| feedback.map_or(JointVector::EMPTY, of);
+        let held = self.limiter.last().map(|last| (last.position, last.velocity));
+        let sent = sent.map(|sent| (sent.joint_position, sent.joint_velocity));
+        let (joint_position_command, joint_velocity_command) = sent.or(held).unwrap_or_default();
+        Snapshot {
+            stamp,
+            seqno: self.seqno,
+            epoch: self.epoch,
+            command_mode: self.mode,
+            operational_mode: self.condition.operational_mode(),
+            controller_state: self.condition.controller_state(),
+            flags: self.flags(),
+            joint_position: measured(|feedback| feedback.joint_position),
+            joint_velocity: measured(|feedback| feedback.joint_velocity),
+            joint_effort: measured(|feedback| feedback.joint_effort),
+            joint_position_command,
+            joint_velocity_command,
+            motion: self.motion.as_ref().map(|motion| motion.progress(period_s)),
+            limited_setpoints: self.limiter.changed(),
+        }
+    }
+
+    fn flags(&self) -> RobotFlags {
+        let feedback = self.condition.feedback();
+        let is = |of: fn(&Feedback) -> bool| feedback.is_some_and(of);
+        let stopped = self.stop.level().is_some();
+        let following = self
+            .motion
+            .as_ref()
+            .is_some_and(|motion| motion.kind() == MotionKind::Trajectory && motion.is_moving());
+        RobotFlags::NONE
+            .with(RobotFlags::ERROR, !self.faults.is_empty() || is(|f| f.error_code != 0))
+            .with(RobotFlags::ESTOP, stopped || is(|f| f.emergency_stop))
+            .with(RobotFlags::ESTOP_SOFTWARE, stopped)
+            .with(RobotFlags::ESTOP_INTERNAL, is(|f| f.emergency_stop))
+            .with(RobotFlags::ENABLED, is(|f| f.enabled))
+            .with(RobotFlags::READY, is(|f| f.ready))
+            .with(RobotFlags::COMMUNICATION_FAILURE, feedback.is_none())
+            .with(RobotFlags::TRAJECTORY_RUNNING, following)
+    }
+}
