@@ -3,8 +3,9 @@
 //! ```text
 //! query --callback--> bounded queue --> one task a request --> handler --> reply | denial
 //! ```
-//! The callback runs on Zenoh's receiving threads, so it only queues. A request with an id that
-//! was seen before gets the answer of the first one and is not done again.
+//! The callback runs on Zenoh's receiving threads, so it only queues. Urgent methods, such as
+//! stops, have a queue and places of their own. A request with an id that was seen before gets the
+//! answer of the first one and is not done again.
 
 use std::collections::{HashMap, VecDeque};
 use std::future::Future;
@@ -33,6 +34,13 @@ const KEPT_ANSWERS: usize = 512;
 pub trait Handler: Send + Sync + 'static {
     /// Answers one request: `call.run::<SomeMethod, _, _>(…)`, or [`Call::unknown_method`].
     fn handle(&self, call: Call) -> impl Future<Output = Result<Value, Denial>> + Send;
+
+    /// Whether requests for `method` never wait behind those for other methods. Called on Zenoh's
+    /// receiving threads: it must be quick.
+    fn is_urgent(&self, method: &str) -> bool {
+        let _ = method;
+        false
+    }
 }
 
 /// One request on its way to a handler.
@@ -112,19 +120,29 @@ pub async fn rpc<H: Handler>(
     prefix: &str,
     handler: Arc<H>,
 ) -> zenoh::Result<RpcServer> {
-    let (queue, waiting) = mpsc::channel(QUEUE);
+    let (urgent, urgent_waiting) = mpsc::channel(QUEUE);
+    let (ordinary, ordinary_waiting) = mpsc::channel(QUEUE);
+    let of_callback = Arc::clone(&handler);
     let queryable = session
         .declare_queryable(format!("{prefix}/**"))
         .complete(true)
         .callback(move |query| {
+            let is_urgent = of_callback.is_urgent(method_of(query.key_expr().as_str()));
+            let queue = if is_urgent { &urgent } else { &ordinary };
             if let Err(mpsc::error::TrySendError::Full(query)) = queue.try_send(query) {
                 let denial = Denial::new(DenialCode::Busy, "too many requests are waiting");
                 reply_blocking(&query, &denial);
             }
         })
         .await?;
-    start(serve_queue(waiting, format!("{prefix}/"), handler));
+    start(serve_queue(urgent_waiting, format!("{prefix}/"), Arc::clone(&handler)));
+    start(serve_queue(ordinary_waiting, format!("{prefix}/"), handler));
     Ok(RpcServer { _queryable: queryable })
+}
+
+/// The last part of a key `…/rpc/{method}`; empty if it has none.
+fn method_of(key: &str) -> &str {
+    key.rsplit_once("/rpc/").map_or("", |(_, method)| method)
 }
 
 async fn serve_queue<H: Handler>(
@@ -168,7 +186,7 @@ fn call_of(
     answers: Arc<Answers>,
 ) -> Result<(String, Call), Denial> {
     let asked = query.key_expr().as_str();
-    let method = asked.rsplit_once("/rpc/").map_or("", |(_, method)| method);
+    let method = method_of(asked);
     if method.is_empty() || method.contains('*') || method.contains('$') {
         return Err(Denial::new(
             DenialCode::InvalidArgument,

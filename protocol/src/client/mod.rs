@@ -21,8 +21,8 @@ use crate::RobotName;
 use crate::codec::{MAX_MESSAGE_BYTES, WireEncoding};
 use crate::keys;
 use crate::messages::{
-    CellInfo, CellMotionStatus, CellStatus, ClockSample, Denial, DenialCode, MotionStatus, Request, RobotInfo,
-    RobotStatus,
+    CellInfo, CellMotionStatus, CellStatus, ClockSample, Denial, DenialCode, MotionStatus, Request,
+    RobotInfo, RobotStatus,
 };
 use crate::method::Method;
 use crate::session::{self, DEFAULT_GATEWAY_ENDPOINT, Role, SessionOptions};
@@ -86,6 +86,12 @@ impl Client {
         } else {
             Err(ClientError::NobodyThere { endpoints: options.connect })
         }
+    }
+
+    /// The asking end of a session that is open already; `name` is given with every request.
+    #[must_use]
+    pub fn on_session(session: Session, name: impl Into<String>) -> Self {
+        Self { session, name: name.into() }
     }
 
     /// The Zenoh session beneath.

@@ -41,7 +41,7 @@ impl Client {
         let deadline = now() + options.timeout;
         let acks = self.subscribe::<StopAck>(&keys::ROBOT_STOP_ACK.any(), 256).await?;
         self.publish_stop(&request).await?;
-        let asked = self.ask_all(&request, options.timeout).await?;
+        let asked = self.ask_to_stop(&keys::ROBOT_STOP.any(), &request, options.timeout).await?;
         let in_scope = self.robots_in_scope(&request.scope, options.expected).await?;
         let mut ladder = Ladder::new(request.stop_id, in_scope);
         while !ladder.all_reached(StopStage::Standstill) && now() < deadline {
@@ -61,6 +61,24 @@ impl Client {
         Ok(ladder.report())
     }
 
+    /// Asks the agent of one robot to stop; returns the first stage it reports.
+    ///
+    /// # Errors
+    /// As [`Self::call`].
+    pub async fn stop_robot(
+        &self,
+        robot: &RobotName,
+        request: &StopRequest,
+        timeout: Duration,
+    ) -> Result<StopAck, ClientError> {
+        let key = keys::ROBOT_STOP.of(robot);
+        let replies = self.ask_to_stop(&key, request, timeout).await?;
+        match replies.recv_async().await {
+            Ok(reply) => decode_ack(&reply),
+            Err(_) => Err(ClientError::NoReply { key }),
+        }
+    }
+
     async fn publish_stop(&self, request: &StopRequest) -> Result<(), ClientError> {
         let payload = WireEncoding::Json.encode(request)?;
         self.session
@@ -73,14 +91,15 @@ impl Client {
             .map_err(ClientError::zenoh)
     }
 
-    async fn ask_all(
+    async fn ask_to_stop(
         &self,
+        key: &str,
         request: &StopRequest,
         timeout: Duration,
     ) -> Result<zenoh::handlers::FifoChannelHandler<zenoh::query::Reply>, ClientError> {
         let payload = WireEncoding::Json.encode(request)?;
         self.session
-            .get(keys::ROBOT_STOP.any())
+            .get(key)
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
             .payload(payload)

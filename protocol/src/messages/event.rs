@@ -69,4 +69,6 @@ pub enum EventKind {
     PresenceChanged,
     /// A request was refused.
     Denied,
+    /// A robot's description cannot be used; the robot is left out of the world.
+    ModelRejected,
 }
