@@ -1,0 +1,26 @@
+//! Robot description, kinematics and trajectories: values and pure functions.
+//!
+//! ```text
+//! URDF text --urdf--> RobotModel --kinematics--> poses of links
+//! waypoints --trajectory--> validated piecewise cubic --sample--> set-points
+//! ```
+//!
+//! Invariants: nothing here reads a clock, a file or a socket; evaluating a model or a trajectory
+//! allocates nothing; every number that a constructor accepted is finite.
+
+mod joint_vector;
+mod limits;
+mod pose;
+mod time;
+mod trajectory;
+
+pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
+pub use limits::{JointLimits, JointType};
+pub use pose::{Pose, PoseError};
+pub use time::MonoTime;
+pub use trajectory::{
+    AxisLimits, AxisProfile, AxisState, CompiledTrajectory, Interpolation, JointMove,
+    JointMoveError, JointTrajectory, LIMIT_TOLERANCE, LimitedQuantity, MIN_WAYPOINT_SPACING_S,
+    MotionLimits, MotionLimitsError, MotionState, ProfileError, REST_TOLERANCE,
+    START_TIME_TOLERANCE_S, Sample, StopRamp, TrajectoryError, TrajectoryOptions, Waypoint,
+};
