@@ -11,12 +11,18 @@
 mod joint_vector;
 mod limits;
 mod pose;
+mod robot_model;
 mod time;
 mod trajectory;
+mod urdf;
 
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
 pub use pose::{Pose, PoseError};
+pub use robot_model::{
+    Collision, Inertial, Joint, KinematicsError, Link, Motion, PositionSource, RobotModel, Shape,
+    SoftLimits, Variable, Visual,
+};
 pub use time::MonoTime;
 pub use trajectory::{
     AxisLimits, AxisProfile, AxisState, CompiledTrajectory, Interpolation, JointMove,
@@ -24,3 +30,4 @@ pub use trajectory::{
     MotionLimits, MotionLimitsError, MotionState, ProfileError, REST_TOLERANCE,
     START_TIME_TOLERANCE_S, Sample, StopRamp, TrajectoryError, TrajectoryOptions, Waypoint,
 };
+pub use urdf::{Place, QuaternionFault, UrdfError, UrdfProblem};
