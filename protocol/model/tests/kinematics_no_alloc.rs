@@ -1,0 +1,39 @@
+//! Forward kinematics allocates nothing.
+
+mod common;
+mod counting_allocator;
+
+use counting_allocator::allocations_of;
+use nalgebra::Isometry3;
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations_of(|| drop(std::hint::black_box(Box::new(1)))), 1);
+}
+
+#[test]
+fn poses_of_one_and_of_all_links_allocate_nothing() {
+    for file in ["six_axis_arm.urdf", "lift_torso.urdf"] {
+        let model = common::own_robot(file);
+        let positions = vec![0.3; model.variable_count()];
+        let mut poses = vec![Isometry3::identity(); model.links().len()];
+        let tip = model.links().len() - 1;
+        let allocations = allocations_of(|| {
+            model.link_poses(&positions, &mut poses).expect("positions fit");
+            model.link_pose(&positions, tip).expect("positions fit");
+        });
+        assert_eq!(allocations, 0, "{file}");
+        assert_ne!(poses[tip], Isometry3::identity(), "{file}: nothing was calculated");
+    }
+}
+
+#[test]
+fn refusals_allocate_nothing() {
+    let model = common::own_robot("six_axis_arm.urdf");
+    let mut poses = vec![Isometry3::identity(); model.links().len()];
+    let allocations = allocations_of(|| {
+        model.link_poses(&[f64::NAN; 6], &mut poses).expect_err("not a number");
+        model.link_poses(&[], &mut poses).expect_err("too short");
+    });
+    assert_eq!(allocations, 0);
+}
