@@ -5,6 +5,8 @@
 //! the newest: the tolerance then need not hide speed times lag. After late wakes the ring holds
 //! when each set-point was really due, so they cannot be taken for a tracking error.
 
+use std::time::Duration;
+
 use armada_model::{JointVector, MonoTime};
 
 use super::io::Params;
@@ -60,7 +62,7 @@ impl Tracking {
 
     /// The first joint whose measured position is too far from what it answers to.
     pub(super) fn excess(&self, params: &Params, feedback: &Feedback) -> Option<Excess> {
-        let expected = self.expected(feedback.stamp - params.tracking_lag)?;
+        let expected = self.expected(feedback.stamp - params.tracking_lag, params.period)?;
         let joints = feedback.joint_position.iter().zip(expected.iter());
         joints.zip(params.tracking_tolerance.iter()).enumerate().find_map(
             |(joint, ((measured, expected), &limit))| {
@@ -70,13 +72,14 @@ impl Tracking {
         )
     }
 
-    /// The set-point at `time`, on the line between the two ticks around it.
-    fn expected(&self, time: MonoTime) -> Option<JointVector> {
+    /// The set-point at `time`: the one before it, going over to the next in the last period
+    /// before that one is due, as a controller does that interpolates.
+    fn expected(&self, time: MonoTime, period: Duration) -> Option<JointVector> {
         let mut later: Option<&Sent> = None;
         for back in 0..self.held {
             let sent = &self.ring[(self.newest + self.ring.len() - back) % self.ring.len()];
             if sent.at <= time {
-                return Some(later.map_or(sent.position, |later| sent.until(later, time)));
+                return Some(later.map_or(sent.position, |later| sent.until(later, time, period)));
             }
             later = Some(sent);
         }
@@ -85,9 +88,9 @@ impl Tracking {
 }
 
 impl Sent {
-    fn until(&self, later: &Self, time: MonoTime) -> JointVector {
-        let span_s = later.at.saturating_since(self.at).as_secs_f64();
-        let share = time.saturating_since(self.at).as_secs_f64() / span_s;
+    fn until(&self, later: &Self, time: MonoTime, period: Duration) -> JointVector {
+        let left_s = later.at.saturating_since(time).as_secs_f64();
+        let share = (1.0 - left_s / period.as_secs_f64()).max(0.0);
         self.position.map_indexed(|joint, from| {
             from + share * (later.position.get(joint).copied().unwrap_or(from) - from)
         })

@@ -1,0 +1,11 @@
+//! Tests of the whole step, on an invented clock and a simulated plant.
+
+mod controller;
+mod faults;
+mod jog;
+mod limiter;
+mod modes;
+mod properties;
+mod rig;
+mod stop;
+mod trajectory;

@@ -1,0 +1,508 @@
+//! A loop with a simulated controller behind it; every tick is watched for the invariants.
+
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::sync::Arc;
+use std::time::Duration;
+
+use armada_model::{
+    CompiledTrajectory, Interpolation, JointLimits, JointTrajectory, JointVector, MonoTime,
+    MotionLimits, TrajectoryOptions, Waypoint,
+};
+use armada_protocol::messages::{
+    ActionStatus, CommandMode, FaultCode, OperationalMode, StopLevel, StopStage,
+};
+use arrayvec::ArrayVec;
+use uuid::Uuid;
+
+use crate::control::{
+    FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
+    MotionReport, Order, Output, Params, Refusal, step,
+};
+use crate::drivers::{DriverRequest, Feedback, SetPoint};
+
+pub(super) const PERIOD: Duration = Duration::from_millis(4);
+pub(super) const JOINTS: usize = 3;
+
+pub(super) fn joints(values: [f64; JOINTS]) -> JointVector {
+    JointVector::from_slice(&values).expect("finite")
+}
+
+pub(super) fn params() -> Params {
+    let joint = |lower, upper, velocity, acceleration| JointLimits {
+        lower,
+        upper,
+        velocity,
+        acceleration: Some(acceleration),
+        effort: None,
+    };
+    Params {
+        limits: vec![
+            joint(Some(-2.0), Some(2.0), 1.5, 4.0),
+            joint(Some(-1.0), Some(3.0), 1.0, 6.0),
+            joint(None, None, 2.0, 5.0),
+        ],
+        period: PERIOD,
+        communication_timeout: Duration::from_millis(40),
+        start_tolerance: joints([0.05; JOINTS]),
+        tracking_tolerance: joints([0.02; JOINTS]),
+        // What is sent at one tick is seen at the next at the earliest.
+        tracking_lag: PERIOD * (Plant::LAG as u32 + 1),
+        standstill_velocity: joints([0.01; JOINTS]),
+        standstill_hold: Duration::from_millis(100),
+        request_timeout: Duration::from_millis(200),
+        enable_on_start: false,
+    }
+}
+
+pub(super) fn trajectory(rows: &[(f64, [f64; JOINTS])]) -> Arc<CompiledTrajectory> {
+    let names = ["a", "b", "c"];
+    let waypoints = rows.iter().map(|(time, row)| Waypoint {
+        time_from_start_s: *time,
+        joint_position: row.to_vec(),
+        joint_velocity: Vec::new(),
+    });
+    let trajectory = JointTrajectory {
+        joint_names: names.map(str::to_owned).to_vec(),
+        waypoints: waypoints.collect(),
+        interpolation: Interpolation::CubicSpline,
+    };
+    let limits = MotionLimits::new(&params().limits).expect("complete limits");
+    let options = TrajectoryOptions::default();
+    let compiled = CompiledTrajectory::compile(&trajectory, &names, &limits, &options);
+    Arc::new(compiled.expect("a legal trajectory"))
+}
+
+/// A controller with an ideal robot: it goes where it was told to be [`Plant::LAG`] ticks ago.
+pub(super) struct Plant {
+    pub(super) position: JointVector,
+    velocity: JointVector,
+    sent: VecDeque<JointVector>,
+    pub(super) enabled: bool,
+    pub(super) ready: bool,
+    pub(super) emergency_stop: bool,
+    pub(super) error_code: u32,
+    /// Ticks until a request has an effect; never if `None`.
+    pub(super) obeys_after: Option<u32>,
+    obeying: Vec<(u32, DriverRequest)>,
+    /// Whether it reports at all.
+    pub(super) silent: bool,
+    /// Whether the robot stays where it is, whatever it is told.
+    pub(super) blocked: bool,
+    /// By how much the first joint drifts per tick, whatever it is told.
+    pub(super) creep: f64,
+    pub(super) reports_velocity: bool,
+    pub(super) asked: Vec<DriverRequest>,
+    last: Option<Feedback>,
+}
+
+impl Plant {
+    pub(super) const LAG: usize = 3;
+
+    fn new(position: JointVector) -> Self {
+        Self {
+            position,
+            velocity: position.map_indexed(|_, _| 0.0),
+            sent: VecDeque::new(),
+            enabled: true,
+            ready: true,
+            emergency_stop: false,
+            error_code: 0,
+            obeys_after: Some(5),
+            obeying: Vec::new(),
+            silent: false,
+            blocked: false,
+            creep: 0.0,
+            reports_velocity: true,
+            asked: Vec::new(),
+            last: None,
+        }
+    }
+
+    fn feedback(&mut self, now: MonoTime) -> Option<Feedback> {
+        if !self.silent {
+            self.last = Some(Feedback {
+                stamp: now,
+                joint_position: self.position,
+                joint_velocity: if self.reports_velocity {
+                    self.velocity
+                } else {
+                    JointVector::EMPTY
+                },
+                joint_effort: JointVector::EMPTY,
+                enabled: self.enabled,
+                ready: self.ready,
+                emergency_stop: self.emergency_stop,
+                error_code: self.error_code,
+                operational_mode: OperationalMode::Auto,
+            });
+        }
+        self.last
+    }
+
+    fn take(&mut self, command: Option<&SetPoint>, request: Option<DriverRequest>) {
+        if let Some(request) = request {
+            self.asked.push(request);
+            if let Some(ticks) = self.obeys_after
+                && self.obeying.iter().all(|(_, known)| *known != request)
+            {
+                self.obeying.push((ticks, request));
+            }
+        }
+        for (ticks, _) in &mut self.obeying {
+            *ticks = ticks.saturating_sub(1);
+        }
+        while let Some(at) = self.obeying.iter().position(|(ticks, _)| *ticks == 0) {
+            match self.obeying.remove(at).1 {
+                DriverRequest::Enable => (self.enabled, self.ready) = (true, true),
+                DriverRequest::Disable => (self.enabled, self.ready) = (false, false),
+                DriverRequest::ResetErrors if self.emergency_stop => {}
+                DriverRequest::ResetErrors => (self.error_code, self.ready) = (0, self.enabled),
+            }
+        }
+        self.go(command);
+    }
+
+    /// A period passes in which nothing is sent.
+    fn go_on(&mut self) {
+        let newest = self.sent.back().copied();
+        if let Some(held) = newest {
+            self.sent.push_back(held);
+        }
+        self.move_on();
+    }
+
+    fn go(&mut self, command: Option<&SetPoint>) {
+        match command {
+            Some(command) if self.enabled && self.ready => {
+                self.sent.push_back(command.joint_position);
+            }
+            _ => self.sent.clear(),
+        }
+        self.move_on();
+    }
+
+    fn move_on(&mut self) {
+        let before = self.position;
+        if self.sent.len() > Self::LAG
+            && let Some(next) = self.sent.pop_front().filter(|_| !self.blocked)
+        {
+            self.position = next;
+        }
+        if let Some(first) = self.position.first_mut() {
+            *first += self.creep;
+        }
+        self.velocity = self
+            .position
+            .map_indexed(|joint, position| (position - before[joint]) / PERIOD.as_secs_f64());
+    }
+}
+
+/// What was sent before, to judge what is sent now.
+#[derive(Default)]
+struct Watch {
+    sent: Option<(JointVector, JointVector)>,
+    epoch: u64,
+    open: HashSet<u64>,
+    motions: HashMap<Uuid, Option<ActionStatus>>,
+    pub(super) most_events: usize,
+}
+
+/// The loop, its plant, and its clock.
+pub(super) struct Rig {
+    pub(super) params: Params,
+    pub(super) state: LoopState,
+    pub(super) now: MonoTime,
+    pub(super) plant: Plant,
+    pub(super) stop: Option<StopLevel>,
+    pub(super) loop_error: bool,
+    pub(super) events: Vec<LoopEvent>,
+    pub(super) retired: Vec<Arc<CompiledTrajectory>>,
+    pub(super) commands: Vec<SetPoint>,
+    pub(super) last: Option<Output>,
+    requests: Vec<LoopRequest>,
+    tickets: u64,
+    watch: Watch,
+}
+
+impl Rig {
+    /// A robot whose drives are on, before its first tick.
+    pub(super) fn new() -> Self {
+        Self::with(params())
+    }
+
+    pub(super) fn with(params: Params) -> Self {
+        let state = LoopState::new(&params).expect("sensible parameters");
+        Self {
+            params,
+            state,
+            now: MonoTime::from_nanos(1_000_000_000),
+            plant: Plant::new(joints([0.0; JOINTS])),
+            stop: None,
+            loop_error: false,
+            events: Vec::new(),
+            retired: Vec::new(),
+            commands: Vec::new(),
+            last: None,
+            requests: Vec::new(),
+            tickets: 0,
+            watch: Watch::default(),
+        }
+    }
+
+    /// A robot in `mode`, entered from halt.
+    pub(super) fn in_mode(mode: CommandMode) -> Self {
+        let mut rig = Self::new();
+        rig.tick();
+        if mode != CommandMode::Halt {
+            assert!(rig.ask(Order::SetMode(mode)).is_ok());
+        }
+        assert_eq!(rig.mode(), mode);
+        rig
+    }
+
+    /// Hands in an order for the next tick; returns its ticket.
+    pub(super) fn order(&mut self, order: Order) -> u64 {
+        self.tickets += 1;
+        self.watch.open.insert(self.tickets);
+        self.requests.push(LoopRequest { ticket: self.tickets, order });
+        self.tickets
+    }
+
+    /// Orders and runs one tick; the answer must come in it.
+    pub(super) fn ask(&mut self, order: Order) -> Result<Granted, Refusal> {
+        let ticket = self.order(order);
+        self.tick();
+        self.answer(ticket).expect("an answer in the same tick")
+    }
+
+    /// Orders and runs until the answer has come.
+    pub(super) fn ask_and_wait(&mut self, order: Order) -> Result<Granted, Refusal> {
+        let ticket = self.order(order);
+        self.until("the answer", |rig| rig.answer(ticket).is_some());
+        self.answer(ticket).expect("waited for")
+    }
+
+    pub(super) fn answer(&self, ticket: u64) -> Option<Result<Granted, Refusal>> {
+        self.events.iter().find_map(|event| match event {
+            LoopEvent::Answer { ticket: of, result } if *of == ticket => Some(*result),
+            _ => None,
+        })
+    }
+
+    pub(super) fn jog(&mut self, id: u128, goal: [f64; JOINTS]) -> Result<Granted, Refusal> {
+        self.ask(jog(id, goal))
+    }
+
+    pub(super) fn follow(
+        &mut self,
+        id: u128,
+        trajectory: &Arc<CompiledTrajectory>,
+    ) -> Result<Granted, Refusal> {
+        self.ask(follow(id, trajectory))
+    }
+
+    /// One period passes.
+    pub(super) fn tick(&mut self) -> Output {
+        self.late_tick(1)
+    }
+
+    pub(super) fn ticks(&mut self, count: usize) {
+        for _ in 0..count {
+            self.tick();
+        }
+    }
+
+    /// Ticks until `condition`, which must be within five seconds of the invented clock.
+    pub(super) fn until(&mut self, what: &str, condition: impl Fn(&Self) -> bool) {
+        for _ in 0..1250 {
+            self.tick();
+            if condition(self) {
+                return;
+            }
+        }
+        panic!("{what} did not come; events: {:#?}", self.events);
+    }
+
+    /// The loop wakes after `periods`, the plant having gone on without it.
+    pub(super) fn late_tick(&mut self, periods: u32) -> Output {
+        self.now = self.now + PERIOD * periods;
+        for _ in 1..periods {
+            self.plant.go_on();
+        }
+        let count = self.requests.len().min(MAX_REQUESTS);
+        let mut input = Input {
+            now: self.now,
+            feedback: self.plant.feedback(self.now),
+            stop: self.stop,
+            loop_error: self.loop_error,
+            requests: self.requests.drain(..count).collect::<ArrayVec<_, MAX_REQUESTS>>(),
+        };
+        let output = step(&self.params, &mut self.state, &mut input);
+        assert!(input.requests.is_empty(), "requests were left in the input");
+        self.watch.check(&self.params, self.stop, input.feedback.as_ref(), &output);
+        self.plant.take(output.command.as_ref(), output.driver_request);
+        self.events.extend(output.events.iter().copied());
+        self.retired.extend(output.retired.iter().cloned());
+        self.commands.extend(output.command);
+        self.last = Some(output.clone());
+        output
+    }
+
+    pub(super) fn mode(&self) -> CommandMode {
+        self.last.as_ref().expect("a tick").snapshot.command_mode
+    }
+
+    pub(super) fn epoch(&self) -> u64 {
+        self.last.as_ref().expect("a tick").snapshot.epoch
+    }
+
+    /// Whether the last two set-points are equal, or none is sent.
+    pub(super) fn command_rests(&self) -> bool {
+        self.watch.sent.is_none_or(|(_, velocity)| velocity.iter().all(|v| *v == 0.0))
+    }
+
+    pub(super) fn fault_codes(&self) -> Vec<FaultCode> {
+        self.events
+            .iter()
+            .filter_map(|event| match event {
+                LoopEvent::FaultLatched(fault) => Some(fault.code),
+                _ => None,
+            })
+            .collect()
+    }
+
+    pub(super) fn stages(&self) -> Vec<StopStage> {
+        self.events
+            .iter()
+            .filter_map(|event| match event {
+                LoopEvent::StopStage(stage) => Some(*stage),
+                _ => None,
+            })
+            .collect()
+    }
+
+    pub(super) fn reports(&self, id: u128) -> Vec<MotionReport> {
+        self.events
+            .iter()
+            .filter_map(|event| match event {
+                LoopEvent::Motion(report) if report.id == Uuid::from_u128(id) => Some(*report),
+                _ => None,
+            })
+            .collect()
+    }
+
+    pub(super) fn statuses(&self, id: u128) -> Vec<ActionStatus> {
+        self.reports(id).iter().map(|report| report.status).collect()
+    }
+
+    pub(super) fn ended(&self, id: u128) -> Option<MotionReport> {
+        self.reports(id).last().copied().filter(|report| report.status.is_terminal())
+    }
+
+    /// Trajectories in the last output, which the rig keeps a copy of.
+    pub(super) fn last_retired(&self) -> usize {
+        self.last.as_ref().map_or(0, |output| output.retired.len())
+    }
+
+    pub(super) fn most_events(&self) -> usize {
+        self.watch.most_events
+    }
+
+    /// Lets everything come to its end: then each request is answered, and each motion ended.
+    pub(super) fn finish(&mut self) {
+        self.ticks(self.requests.len() / MAX_REQUESTS + 1);
+        self.order(Order::Halt);
+        self.ticks(300);
+        assert!(self.watch.open.is_empty(), "tickets {:?} were not answered", self.watch.open);
+        let running: Vec<_> = self
+            .watch
+            .motions
+            .iter()
+            .filter(|(_, status)| status.is_some_and(|status| !status.is_terminal()))
+            .collect();
+        assert!(running.is_empty(), "motions {running:?} did not end");
+    }
+}
+
+pub(super) fn jog(id: u128, goal: [f64; JOINTS]) -> Order {
+    Order::Jog(JogOrder {
+        id: Uuid::from_u128(id),
+        joint_position: joints(goal),
+        max_velocity: joints([1.0, 1.0, 1.0]),
+    })
+}
+
+pub(super) fn follow(id: u128, trajectory: &Arc<CompiledTrajectory>) -> Order {
+    follow_with(id, trajectory, None, None)
+}
+
+pub(super) fn follow_with(
+    id: u128,
+    trajectory: &Arc<CompiledTrajectory>,
+    start: Option<MonoTime>,
+    epoch: Option<u64>,
+) -> Order {
+    let (id, trajectory) = (Uuid::from_u128(id), Arc::clone(trajectory));
+    Order::Follow(FollowOrder { id, trajectory, start, epoch })
+}
+
+impl Watch {
+    fn check(
+        &mut self,
+        params: &Params,
+        stop: Option<StopLevel>,
+        feedback: Option<&Feedback>,
+        output: &Output,
+    ) {
+        assert!(output.snapshot.epoch >= self.epoch, "the epoch went back");
+        self.epoch = output.snapshot.epoch;
+        self.most_events = self.most_events.max(output.events.len());
+        for event in &output.events {
+            self.check_event(event);
+        }
+        if stop == Some(StopLevel::L0) {
+            assert_eq!(output.command, None, "a set-point during a stop of level L0");
+        }
+        let Some(command) = output.command else {
+            self.sent = None;
+            return;
+        };
+        let position = command.joint_position;
+        assert!(position.is_finite() && command.joint_velocity.is_finite());
+        let feedback = feedback.expect("no set-point without feedback");
+        assert!(feedback.enabled && feedback.ready, "a set-point that is not followed");
+        let zero = position.map_indexed(|_, _| 0.0);
+        let (before, speed) = self.sent.unwrap_or((feedback.joint_position, zero));
+        let period_s = params.period.as_secs_f64();
+        let velocity = position.map_indexed(|joint, x| (x - before[joint]) / period_s);
+        for (joint, limits) in params.limits.iter().enumerate() {
+            let (x, v, w) = (position[joint], velocity[joint], speed[joint]);
+            let lower = limits.lower.unwrap_or(f64::NEG_INFINITY).min(before[joint]);
+            let upper = limits.upper.unwrap_or(f64::INFINITY).max(before[joint]);
+            assert!(x >= lower - 2e-6 && x <= upper + 2e-6, "joint {joint} at {x}");
+            assert!(v.abs() <= limits.velocity * 1.00001, "joint {joint}: velocity {v}");
+            let a = (v - w) / period_s;
+            let highest = limits.acceleration.expect("given") * 1.00001;
+            assert!(a.abs() <= highest, "joint {joint}: acceleration {a} above {highest}");
+            if stop.is_some() {
+                let slower = v.abs() <= w.abs() + 1e-9 && v * w >= -1e-9;
+                assert!(slower, "joint {joint} goes from {w} to {v} while stopped");
+            }
+        }
+        self.sent = Some((position, velocity));
+    }
+
+    fn check_event(&mut self, event: &LoopEvent) {
+        match event {
+            LoopEvent::Answer { ticket, .. } => {
+                assert!(self.open.remove(ticket), "ticket {ticket} was answered once too often");
+            }
+            LoopEvent::Motion(report) => {
+                let before = self.motions.insert(report.id, Some(report.status)).flatten();
+                let known = before.is_none_or(|status| !status.is_terminal());
+                assert!(known, "motion {} goes on after {before:?}", report.id);
+            }
+            _ => {}
+        }
+    }
+}
