@@ -1,0 +1,481 @@
+//! Packets between the `sim` driver and the emulated controller: version 1, little endian.
+//!
+//! One datagram is one packet: a header of 32 bytes, then the body that its kind gives.
+//!
+//! ```text
+//! header   0 magic "ASIM"   4 version u8   5 kind u8   6 length of the whole packet u16
+//!          8 sender u64    16 receiver u64            24 sequence u64
+//!
+//! kind            way  body
+//! 1 hello          ->  joints u8
+//! 2 command        ->  joints u8, positions n f64, velocities n f64
+//! 3 request        ->  power id u32, power u8 (0 none 1 on 2 off), reset id u32
+//! 4 status         <-  time u64 [ns], last command u64, last power id u32, last reset id u32,
+//!                      flags u8 (1 enabled 2 ready 4 emergency stop), operational mode u8,
+//!                      error u32, joints u8, positions, velocities, efforts n f64 each
+//! 5 refused        <-  reason u8 (1 busy 2 joint count 3 version), detail u8, detail u8
+//! 6 inject         ->  fault u8, number u32
+//! 7 inject answer  <-  fault u8, number u32, accepted u8
+//! ```
+//!
+//! `sender` and `receiver` are boot nonces: a number that each run of a program chooses. Only
+//! hello and inject may leave `receiver` zero, "not known yet", and so may what answers a packet
+//! whose sender could not be read; only inject may leave `sender` zero. A packet for an
+//! earlier run is dropped. `sequence` counts all packets of a sender from 1. Request ids count the
+//! client's requests from 1, power and reset apart; 0 is none. A request is repeated until the
+//! status shows its id, and done once however often it comes. Numbers are finite and at most
+//! [`MAX_VALUE`] in size. Header and `refused` stay the same in every version.
+
+use armada_model::{JointVector, MAX_JOINTS};
+use armada_protocol::messages::OperationalMode;
+
+use super::Fault;
+use crate::drivers::{LinkRefusal, SetPoint};
+
+/// First bytes of every packet.
+const MAGIC: [u8; 4] = *b"ASIM";
+/// Version of the layout above.
+pub const VERSION: u8 = 1;
+/// Largest size of a position, speed or effort \[SI\]; far above any robot, far below overflow.
+pub const MAX_VALUE: f64 = 1e6;
+
+/// Who sends a packet to whom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// Boot nonce of the sender.
+    pub sender: u64,
+    /// Boot nonce of the run it is meant for; 0 if not known.
+    pub receiver: u64,
+    /// Number of the packet among all of the sender, from 1.
+    pub sequence: u64,
+}
+
+/// What a packet says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Body {
+    /// A client wants the status stream.
+    Hello {
+        /// Joints of the client's robot.
+        joints: u8,
+    },
+    /// A set-point.
+    Command(SetPoint),
+    /// Requests in force.
+    Request(RequestBody),
+    /// Report of the controller.
+    Status(Status),
+    /// The controller does not serve the client.
+    Refused(LinkRefusal),
+    /// A fault to be injected.
+    Inject(Fault),
+    /// Whether a fault was injected.
+    InjectAnswer {
+        /// The fault.
+        fault: Fault,
+        /// False if this robot cannot have it: it has no such joint.
+        accepted: bool,
+    },
+}
+
+/// The client's newest requests.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RequestBody {
+    /// Number of the power request; 0 if none was made.
+    pub power_id: u32,
+    /// Drives on or off; `None` exactly if `power_id` is 0.
+    pub power: Option<Power>,
+    /// Number of the request to reset errors; 0 if none was made.
+    pub reset_id: u32,
+}
+
+/// What to do with the drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Power {
+    /// Switch them on.
+    On,
+    /// Switch them off.
+    Off,
+}
+
+/// Report of the controller, once a controller cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Status {
+    /// The controller's clock \[ns\].
+    pub time_ns: u64,
+    /// Sequence of the newest command taken; 0 if none.
+    pub last_command: u64,
+    /// Newest power request done; 0 if none.
+    pub last_power_id: u32,
+    /// Newest reset done; 0 if none.
+    pub last_reset_id: u32,
+    /// Drives are on.
+    pub enabled: bool,
+    /// Commands are taken.
+    pub ready: bool,
+    /// The emergency stop is pressed.
+    pub emergency_stop: bool,
+    /// Where the key switch stands.
+    pub operational_mode: OperationalMode,
+    /// Error in force; 0 for none.
+    pub error: u32,
+    /// Measured positions \[rad or m\].
+    pub position: JointVector,
+    /// Measured speeds \[1/s\].
+    pub velocity: JointVector,
+    /// Measured efforts \[Nm or N\].
+    pub effort: JointVector,
+}
+
+/// Why bytes are not a packet.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum WireError {
+    /// Fewer bytes than the layout needs.
+    #[error("packet of {len} bytes ends too early")]
+    Truncated {
+        /// Bytes given.
+        len: usize,
+    },
+    /// Another length than the header says, or bytes after the body.
+    #[error("packet of {len} bytes, its layout has {expected}")]
+    Length {
+        /// Bytes given.
+        len: usize,
+        /// Bytes of header and body.
+        expected: usize,
+    },
+    /// It does not begin with the magic bytes.
+    #[error("not a packet of this protocol")]
+    Magic,
+    /// Another version of the protocol; its sender's nonce can still be read.
+    #[error("version {version}, expected {VERSION}")]
+    Version {
+        /// The version.
+        version: u8,
+        /// The sender's boot nonce.
+        sender: u64,
+    },
+    /// No such kind of packet.
+    #[error("unknown kind {0} of packet")]
+    Kind(u8),
+    /// A field has a value that it must not have.
+    #[error("field {field} has a value it must not have")]
+    Field {
+        /// Name of the field as in the layout.
+        field: &'static str,
+    },
+}
+
+/// Writes a packet and gives its length; 0 if it does not fit into `buffer`.
+///
+/// [`MAX_PACKET`](crate::drivers::MAX_PACKET) bytes are always enough.
+#[must_use]
+pub fn encode(header: &Header, body: &Body, buffer: &mut [u8]) -> usize {
+    let mut writer = Writer { buffer, at: 0 };
+    let written = write_packet(header, body, &mut writer);
+    let (Some(()), Ok(len)) = (written, u16::try_from(writer.at)) else { return 0 };
+    match buffer.get_mut(6..8) {
+        Some(length) => length.copy_from_slice(&len.to_le_bytes()),
+        None => return 0,
+    }
+    usize::from(len)
+}
+
+/// Reads a packet, checking every field.
+///
+/// # Errors
+/// [`WireError::Truncated`] and [`WireError::Length`] if the size is wrong, [`WireError::Magic`],
+/// [`WireError::Version`] and [`WireError::Kind`] if it is of another protocol, version or kind,
+/// [`WireError::Field`] if a value is not allowed.
+pub fn decode(bytes: &[u8]) -> Result<(Header, Body), WireError> {
+    let mut reader = Reader { rest: bytes, len: bytes.len() };
+    if reader.take()? != MAGIC {
+        return Err(WireError::Magic);
+    }
+    let (version, kind, length) = (reader.u8()?, reader.u8()?, usize::from(reader.u16()?));
+    let header = Header { sender: reader.u64()?, receiver: reader.u64()?, sequence: reader.u64()? };
+    if version != VERSION {
+        return Err(WireError::Version { version, sender: header.sender });
+    }
+    if length != bytes.len() {
+        return Err(WireError::Length { len: bytes.len(), expected: length });
+    }
+    let body = read_body(kind, &mut reader)?;
+    if !reader.rest.is_empty() {
+        let expected = bytes.len() - reader.rest.len();
+        return Err(WireError::Length { len: bytes.len(), expected });
+    }
+    check_header(&header, &body)?;
+    Ok((header, body))
+}
+
+/// Writes a packet that injects `fault` into the emulator it is sent to, and gives its length; 0
+/// if `buffer` is shorter than 37 bytes.
+///
+/// The emulator answers the sender with a packet that [`decode_inject_answer`] reads. Injecting
+/// twice does no more than injecting once, so it may be repeated until the answer comes.
+#[must_use]
+pub fn encode_inject(fault: &Fault, buffer: &mut [u8]) -> usize {
+    let header = Header { sender: 0, receiver: 0, sequence: 0 };
+    encode(&header, &Body::Inject(*fault), buffer)
+}
+
+/// Reads the emulator's answer to an injected fault: the fault, and whether the robot can have it.
+///
+/// # Errors
+/// As [`decode`]; [`WireError::Kind`] if it is another packet.
+pub fn decode_inject_answer(bytes: &[u8]) -> Result<(Fault, bool), WireError> {
+    match decode(bytes)?.1 {
+        Body::InjectAnswer { fault, accepted } => Ok((fault, accepted)),
+        other => Err(WireError::Kind(other.kind())),
+    }
+}
+
+impl Body {
+    const fn kind(&self) -> u8 {
+        match self {
+            Self::Hello { .. } => 1,
+            Self::Command(_) => 2,
+            Self::Request(_) => 3,
+            Self::Status(_) => 4,
+            Self::Refused(_) => 5,
+            Self::Inject(_) => 6,
+            Self::InjectAnswer { .. } => 7,
+        }
+    }
+}
+
+fn check_header(header: &Header, body: &Body) -> Result<(), WireError> {
+    let anonymous = matches!(body, Body::Inject(_));
+    let may_miss_receiver = anonymous
+        || matches!(body, Body::Hello { .. } | Body::Refused(_) | Body::InjectAnswer { .. });
+    match header {
+        Header { sender: 0, .. } if !anonymous => Err(WireError::Field { field: "sender" }),
+        Header { receiver: 0, .. } if !may_miss_receiver => {
+            Err(WireError::Field { field: "receiver" })
+        }
+        Header { sequence: 0, .. } if !anonymous => Err(WireError::Field { field: "sequence" }),
+        _ => Ok(()),
+    }
+}
+
+fn write_packet(header: &Header, body: &Body, out: &mut Writer<'_>) -> Option<()> {
+    out.put(&MAGIC)?;
+    out.put(&[VERSION, body.kind(), 0, 0])?; // the length is filled in when it is known
+    out.put(&header.sender.to_le_bytes())?;
+    out.put(&header.receiver.to_le_bytes())?;
+    out.put(&header.sequence.to_le_bytes())?;
+    match body {
+        Body::Hello { joints } => out.put(&[*joints]),
+        Body::Command(set_point) => {
+            out.put(&[joint_count(&set_point.joint_position)])?;
+            out.joints(&set_point.joint_position)?;
+            out.joints(&set_point.joint_velocity)
+        }
+        Body::Request(request) => {
+            out.put(&request.power_id.to_le_bytes())?;
+            out.put(&[match request.power {
+                None => 0,
+                Some(Power::On) => 1,
+                Some(Power::Off) => 2,
+            }])?;
+            out.put(&request.reset_id.to_le_bytes())
+        }
+        Body::Status(status) => write_status(status, out),
+        Body::Refused(refusal) => out.put(&match *refusal {
+            LinkRefusal::Busy => [1, 0, 0],
+            LinkRefusal::JointCount { controller, client } => [2, controller, client],
+            LinkRefusal::Version { controller } => [3, controller, 0],
+        }),
+        Body::Inject(fault) => out.fault(*fault),
+        Body::InjectAnswer { fault, accepted } => {
+            out.fault(*fault)?;
+            out.put(&[u8::from(*accepted)])
+        }
+    }
+}
+
+fn write_status(status: &Status, out: &mut Writer<'_>) -> Option<()> {
+    out.put(&status.time_ns.to_le_bytes())?;
+    out.put(&status.last_command.to_le_bytes())?;
+    out.put(&status.last_power_id.to_le_bytes())?;
+    out.put(&status.last_reset_id.to_le_bytes())?;
+    let flags = u8::from(status.enabled)
+        | u8::from(status.ready) << 1
+        | u8::from(status.emergency_stop) << 2;
+    let mode = match status.operational_mode {
+        OperationalMode::Undefined => 0,
+        OperationalMode::ManualReducedSpeed => 1,
+        OperationalMode::ManualFullSpeed => 2,
+        OperationalMode::Auto => 3,
+        OperationalMode::Cobot => 4,
+    };
+    out.put(&[flags, mode])?;
+    out.put(&status.error.to_le_bytes())?;
+    out.put(&[joint_count(&status.position)])?;
+    out.joints(&status.position)?;
+    out.joints(&status.velocity)?;
+    out.joints(&status.effort)
+}
+
+fn joint_count(vector: &JointVector) -> u8 {
+    vector.len() as u8 // at most MAX_JOINTS
+}
+
+fn read_body(kind: u8, reader: &mut Reader<'_>) -> Result<Body, WireError> {
+    Ok(match kind {
+        1 => Body::Hello { joints: reader.joint_count()? },
+        2 => {
+            let joints = reader.joint_count()?;
+            Body::Command(SetPoint {
+                joint_position: reader.joints(joints, "positions")?,
+                joint_velocity: reader.joints(joints, "velocities")?,
+            })
+        }
+        3 => Body::Request(read_request(reader)?),
+        4 => Body::Status(read_status(reader)?),
+        5 => Body::Refused(match reader.take::<3>()? {
+            [1, 0, 0] => LinkRefusal::Busy,
+            [2, controller, client] => LinkRefusal::JointCount { controller, client },
+            [3, controller, 0] => LinkRefusal::Version { controller },
+            _ => return Err(WireError::Field { field: "reason" }),
+        }),
+        6 => Body::Inject(reader.fault()?),
+        7 => Body::InjectAnswer {
+            fault: reader.fault()?,
+            accepted: reader.flags(1, "accepted")? == 1,
+        },
+        other => return Err(WireError::Kind(other)),
+    })
+}
+
+fn read_request(reader: &mut Reader<'_>) -> Result<RequestBody, WireError> {
+    let power_id = reader.u32()?;
+    let power = match (reader.u8()?, power_id) {
+        (0, 0) => None,
+        (1, 1..) => Some(Power::On),
+        (2, 1..) => Some(Power::Off),
+        _ => return Err(WireError::Field { field: "power" }),
+    };
+    Ok(RequestBody { power_id, power, reset_id: reader.u32()? })
+}
+
+fn read_status(reader: &mut Reader<'_>) -> Result<Status, WireError> {
+    let time_ns = reader.u64()?;
+    let last_command = reader.u64()?;
+    let last_power_id = reader.u32()?;
+    let last_reset_id = reader.u32()?;
+    let flags = reader.flags(0b111, "flags")?;
+    let operational_mode = match reader.u8()? {
+        0 => OperationalMode::Undefined,
+        1 => OperationalMode::ManualReducedSpeed,
+        2 => OperationalMode::ManualFullSpeed,
+        3 => OperationalMode::Auto,
+        4 => OperationalMode::Cobot,
+        _ => return Err(WireError::Field { field: "operational mode" }),
+    };
+    let error = reader.u32()?;
+    let joints = reader.joint_count()?;
+    Ok(Status {
+        time_ns,
+        last_command,
+        last_power_id,
+        last_reset_id,
+        enabled: flags & 1 != 0,
+        ready: flags & 2 != 0,
+        emergency_stop: flags & 4 != 0,
+        operational_mode,
+        error,
+        position: reader.joints(joints, "positions")?,
+        velocity: reader.joints(joints, "velocities")?,
+        effort: reader.joints(joints, "efforts")?,
+    })
+}
+
+/// Writes into a buffer as long as there is room.
+struct Writer<'a> {
+    buffer: &'a mut [u8],
+    at: usize,
+}
+
+impl Writer<'_> {
+    fn put(&mut self, bytes: &[u8]) -> Option<()> {
+        let end = self.at.checked_add(bytes.len())?;
+        self.buffer.get_mut(self.at..end)?.copy_from_slice(bytes);
+        self.at = end;
+        Some(())
+    }
+
+    fn joints(&mut self, values: &JointVector) -> Option<()> {
+        values.iter().try_for_each(|value| self.put(&value.to_le_bytes()))
+    }
+
+    fn fault(&mut self, fault: Fault) -> Option<()> {
+        let (tag, value) = fault.to_wire();
+        self.put(&[tag])?;
+        self.put(&value.to_le_bytes())
+    }
+}
+
+/// Reads from bytes as long as there are any.
+struct Reader<'a> {
+    rest: &'a [u8],
+    len: usize,
+}
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], WireError> {
+        let (head, rest) =
+            self.rest.split_first_chunk().ok_or(WireError::Truncated { len: self.len })?;
+        self.rest = rest;
+        Ok(*head)
+    }
+
+    fn u8(&mut self) -> Result<u8, WireError> {
+        self.take().map(u8::from_le_bytes)
+    }
+
+    fn u16(&mut self) -> Result<u16, WireError> {
+        self.take().map(u16::from_le_bytes)
+    }
+
+    fn u32(&mut self) -> Result<u32, WireError> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Result<u64, WireError> {
+        self.take().map(u64::from_le_bytes)
+    }
+
+    /// A byte of which only the bits of `allowed` may be set.
+    fn flags(&mut self, allowed: u8, field: &'static str) -> Result<u8, WireError> {
+        let flags = self.u8()?;
+        if flags & !allowed == 0 { Ok(flags) } else { Err(WireError::Field { field }) }
+    }
+
+    fn joint_count(&mut self) -> Result<u8, WireError> {
+        let count = self.u8()?;
+        if (1..=MAX_JOINTS).contains(&usize::from(count)) {
+            Ok(count)
+        } else {
+            Err(WireError::Field { field: "joints" })
+        }
+    }
+
+    fn joints(&mut self, count: u8, field: &'static str) -> Result<JointVector, WireError> {
+        let refused = WireError::Field { field };
+        let mut values = JointVector::zeros(usize::from(count)).map_err(|_| refused)?;
+        for value in values.iter_mut() {
+            *value = self.take().map(f64::from_le_bytes)?;
+            // A range does not contain what is not a number.
+            if !(-MAX_VALUE..=MAX_VALUE).contains(value) {
+                return Err(refused);
+            }
+        }
+        Ok(values)
+    }
+
+    fn fault(&mut self) -> Result<Fault, WireError> {
+        let (tag, value) = (self.u8()?, self.u32()?);
+        Fault::from_wire(tag, value).ok_or(WireError::Field { field: "fault" })
+    }
+}
