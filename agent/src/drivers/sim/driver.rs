@@ -1,0 +1,221 @@
+//! The client's side of the emulated controller's protocol.
+
+use std::time::Duration;
+
+use armada_model::MonoTime;
+
+use super::Config;
+use super::wire::{Body, Header, Power, RequestBody, Status, decode, encode};
+use crate::drivers::{
+    Driver, DriverRequest, DriverSetup, Endpoint, Feedback, LinkCounters, Pacing, SetPoint,
+    SetupError, Transmit,
+};
+
+/// Silence of either side after which hello is sent again.
+const HELLO_INTERVAL: Duration = Duration::from_millis(100);
+/// Time between repetitions of a request that the status does not show yet.
+const REQUEST_INTERVAL: Duration = Duration::from_millis(10);
+
+/// Driver of the emulated controller.
+///
+/// It greets the controller until status comes, and again when status stays away or when it has
+/// nothing else to say, so that the controller does not give the robot to another client. Requests
+/// are repeated until the status shows them; those made to a run of the controller that has ended
+/// are dropped, for a robot must not be switched on by what was asked before it restarted.
+#[derive(Debug)]
+pub struct SimDriver {
+    endpoints: [Endpoint; 1],
+    pacing: Pacing,
+    joints: u8,
+    nonce: u64,
+    sequence: u64,
+    /// Boot nonces of the controller: this run, and the run before it.
+    controller: u64,
+    retired: u64,
+    last_status: u64,
+    feedback: Option<Feedback>,
+    counters: LinkCounters,
+    command: Option<SetPoint>,
+    request: RequestBody,
+    power_pending: bool,
+    reset_pending: bool,
+    request_sent: Option<MonoTime>,
+    hello_sent: Option<MonoTime>,
+    sent: Option<MonoTime>,
+}
+
+impl SimDriver {
+    pub(super) fn new(config: &Config, setup: &DriverSetup) -> Result<Self, SetupError> {
+        let joints = setup.joint_count()?;
+        if config.address.port() == 0 {
+            return Err(SetupError::Config {
+                vendor: "sim",
+                field: "address".to_owned(),
+                problem: "port 0 cannot be sent to".to_owned(),
+            });
+        }
+        Ok(Self {
+            endpoints: [Endpoint::UdpTo { remote: config.address }],
+            pacing: Pacing::Every(setup.period),
+            joints: joints as u8, // at most MAX_JOINTS
+            nonce: setup.boot_nonce.get(),
+            sequence: 0,
+            controller: 0,
+            retired: 0,
+            last_status: 0,
+            feedback: None,
+            counters: LinkCounters::default(),
+            command: None,
+            request: RequestBody::default(),
+            power_pending: false,
+            reset_pending: false,
+            request_sent: None,
+            hello_sent: None,
+            sent: None,
+        })
+    }
+
+    fn take_status(&mut self, now: MonoTime, header: &Header, status: &Status) {
+        if status.position.len() != usize::from(self.joints) {
+            self.counters.malformed += 1;
+            return;
+        }
+        let restarted = header.sender != self.controller;
+        let old = header.sender == self.retired
+            || (!restarted && header.sequence <= self.last_status)
+            || header.receiver != self.nonce;
+        if old {
+            self.counters.out_of_order += 1;
+            return;
+        }
+        if restarted {
+            self.meet_controller(header.sender);
+        }
+        self.counters.received += 1;
+        self.counters.refusal = None;
+        self.last_status = header.sequence;
+        self.power_pending &= status.last_power_id < self.request.power_id;
+        self.reset_pending &= status.last_reset_id < self.request.reset_id;
+        self.feedback = Some(feedback(now, status));
+    }
+
+    /// Goes on with another run of the controller than before.
+    fn meet_controller(&mut self, controller: u64) {
+        if self.controller != 0 {
+            self.retired = self.controller;
+            self.power_pending = false;
+            self.reset_pending = false;
+            self.command = None;
+        }
+        self.controller = controller;
+    }
+
+    fn next_body(&mut self, now: MonoTime) -> Option<Body> {
+        if self.controller != 0 {
+            let pending = self.power_pending || self.reset_pending;
+            if pending && due(self.request_sent, now, REQUEST_INTERVAL) {
+                self.request_sent = Some(now);
+                return Some(Body::Request(self.request));
+            }
+            if let Some(set_point) = self.command.take() {
+                return Some(Body::Command(set_point));
+            }
+        }
+        let silent = due(self.feedback.map(|feedback| feedback.stamp), now, HELLO_INTERVAL)
+            || due(self.sent, now, HELLO_INTERVAL);
+        if silent && due(self.hello_sent, now, HELLO_INTERVAL) {
+            self.hello_sent = Some(now);
+            return Some(Body::Hello { joints: self.joints });
+        }
+        None
+    }
+}
+
+impl Driver for SimDriver {
+    fn endpoints(&self) -> &[Endpoint] {
+        &self.endpoints
+    }
+
+    fn pacing(&self) -> Pacing {
+        self.pacing
+    }
+
+    fn receive(&mut self, now: MonoTime, _endpoint: usize, bytes: &[u8]) {
+        match decode(bytes) {
+            Ok((header, Body::Status(status))) => self.take_status(now, &header, &status),
+            Ok((header, Body::Refused(refusal))) => {
+                if header.receiver == self.nonce || header.receiver == 0 {
+                    self.counters.refused += 1;
+                    self.counters.refusal = Some(refusal);
+                } else {
+                    self.counters.out_of_order += 1;
+                }
+            }
+            // What only a client sends, an answer nobody here asked for, or no packet at all.
+            Ok(_) | Err(_) => self.counters.malformed += 1,
+        }
+    }
+
+    fn feedback(&self) -> Option<&Feedback> {
+        self.feedback.as_ref()
+    }
+
+    fn request(&mut self, _now: MonoTime, request: DriverRequest) {
+        match request {
+            DriverRequest::Enable | DriverRequest::Disable => {
+                let on = request == DriverRequest::Enable;
+                self.request.power = Some(if on { Power::On } else { Power::Off });
+                self.request.power_id = self.request.power_id.saturating_add(1);
+                self.power_pending = true;
+            }
+            DriverRequest::ResetErrors => {
+                self.request.reset_id = self.request.reset_id.saturating_add(1);
+                self.reset_pending = true;
+            }
+        }
+        self.request_sent = None;
+    }
+
+    fn command(&mut self, _now: MonoTime, set_point: &SetPoint) {
+        let joints = usize::from(self.joints);
+        if self.controller == 0 {
+            return; // nobody to send it to, and later it would be old
+        }
+        if set_point.joint_position.len() == joints && set_point.joint_velocity.len() == joints {
+            self.command = Some(*set_point);
+        }
+    }
+
+    fn poll_transmit(&mut self, now: MonoTime, buffer: &mut [u8]) -> Option<Transmit> {
+        let body = self.next_body(now)?;
+        self.sequence += 1;
+        let header =
+            Header { sender: self.nonce, receiver: self.controller, sequence: self.sequence };
+        let len = encode(&header, &body, buffer);
+        self.sent = Some(now);
+        (len > 0).then_some(Transmit { endpoint: 0, peer: None, len })
+    }
+
+    fn counters(&self) -> LinkCounters {
+        self.counters
+    }
+}
+
+/// Whether `interval` has passed since `last`, or it has never been.
+fn due(last: Option<MonoTime>, now: MonoTime, interval: Duration) -> bool {
+    last.is_none_or(|last| now.saturating_since(last) >= interval)
+}
+
+fn feedback(now: MonoTime, status: &Status) -> Feedback {
+    Feedback {
+        stamp: now,
+        joint_position: status.position,
+        joint_velocity: status.velocity,
+        joint_effort: status.effort,
+        enabled: status.enabled,
+        ready: status.ready,
+        emergency_stop: status.emergency_stop,
+        error_code: status.error,
+        operational_mode: status.operational_mode,
+    }
+}
