@@ -1,0 +1,174 @@
+//! The tables of a robot file about the control loop, publishing and Zenoh.
+
+use std::time::Duration;
+
+use armada_protocol::codec::WireEncoding;
+use serde::Deserialize;
+use serde::de::Deserializer;
+
+use super::{Problem, check_range, millis};
+
+/// The control loop.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ControlConfig {
+    /// Period of the loop \[ms\], 0.5 to 100; default 2.
+    pub period_ms: f64,
+    /// Age of feedback that is a loss of communication \[ms\], two periods to 5000; default 100.
+    pub communication_timeout_ms: f64,
+    /// How far a joint that turns may be from where a trajectory begins \[rad\]; default 0.02.
+    pub start_tolerance_rad: f64,
+    /// The same for one that slides \[m\]; default 0.005.
+    pub start_tolerance_m: f64,
+    /// How far a joint that turns may be from its set-point, lag allowed for \[rad\]; default 0.1.
+    pub tracking_tolerance_rad: f64,
+    /// The same for one that slides \[m\]; default 0.02.
+    pub tracking_tolerance_m: f64,
+    /// How far behind its set-point the robot is when it follows well \[ms\], 0 to 1000; default
+    /// 10.
+    pub tracking_lag_ms: f64,
+    /// Speed below which a joint that turns stands still \[rad/s\]; default 0.01.
+    pub standstill_velocity_rad_s: f64,
+    /// The same for one that slides \[m/s\]; default 0.002.
+    pub standstill_velocity_m_s: f64,
+    /// How long every joint must be below \[ms\], 0 to 5000; default 50.
+    pub standstill_hold_ms: f64,
+    /// How long the controller has to switch its drives or clear its errors \[ms\], 100 to 60000;
+    /// default 5000.
+    pub request_timeout_ms: f64,
+    /// Whether drives are switched on when the controller first answers; default false, and
+    /// nothing else for a real robot.
+    pub enable_on_start: bool,
+    /// How the loop's thread is scheduled.
+    pub realtime: RealtimeConfig,
+}
+
+/// How the loop's thread is scheduled; what the system does not permit is done without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RealtimeConfig {
+    /// Priority under SCHED_FIFO, 1 to 99; `null` leaves the ordinary scheduler. Default 80.
+    pub priority: Option<u8>,
+    /// The one processor the thread runs on, from 0; any by default.
+    pub cpu: Option<u16>,
+    /// Whether the program's memory is kept from being paged out; default true.
+    pub lock_memory: bool,
+}
+
+/// What is published and how.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PublishConfig {
+    /// How often the state is published \[Hz\], 1 to the loop's rate; default 100.
+    pub state_rate_hz: f64,
+    /// Encoding of what is published: `json` (default) or `msgpack`.
+    #[serde(deserialize_with = "encoding")]
+    pub encoding: WireEncoding,
+}
+
+/// Zenoh endpoints, such as `tcp/127.0.0.1:7450`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ZenohConfig {
+    /// Where this agent listens; none by default.
+    pub listen: Vec<String>,
+    /// Where it connects to; none by default.
+    pub connect: Vec<String>,
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self {
+            period_ms: 2.0,
+            communication_timeout_ms: 100.0,
+            start_tolerance_rad: 0.02,
+            start_tolerance_m: 0.005,
+            tracking_tolerance_rad: 0.1,
+            tracking_tolerance_m: 0.02,
+            tracking_lag_ms: 10.0,
+            standstill_velocity_rad_s: 0.01,
+            standstill_velocity_m_s: 0.002,
+            standstill_hold_ms: 50.0,
+            request_timeout_ms: 5000.0,
+            enable_on_start: false,
+            realtime: RealtimeConfig::default(),
+        }
+    }
+}
+
+impl Default for RealtimeConfig {
+    fn default() -> Self {
+        Self { priority: Some(80), cpu: None, lock_memory: true }
+    }
+}
+
+impl Default for PublishConfig {
+    fn default() -> Self {
+        Self { state_rate_hz: 100.0, encoding: WireEncoding::Json }
+    }
+}
+
+impl ControlConfig {
+    /// Period of the loop.
+    #[must_use]
+    pub fn period(&self) -> Duration {
+        millis(self.period_ms)
+    }
+
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        check_range("period_ms", self.period_ms, 0.5..=100.0)?;
+        let two_periods = 2.0 * self.period_ms;
+        check_range("communication_timeout_ms", self.communication_timeout_ms, two_periods..=5e3)?;
+        check_range("start_tolerance_rad", self.start_tolerance_rad, 1e-5..=1.0)?;
+        check_range("start_tolerance_m", self.start_tolerance_m, 1e-6..=1.0)?;
+        check_range("tracking_tolerance_rad", self.tracking_tolerance_rad, 1e-5..=3.0)?;
+        check_range("tracking_tolerance_m", self.tracking_tolerance_m, 1e-6..=1.0)?;
+        check_range("tracking_lag_ms", self.tracking_lag_ms, 0.0..=1000.0)?;
+        check_range("standstill_velocity_rad_s", self.standstill_velocity_rad_s, 1e-5..=0.5)?;
+        check_range("standstill_velocity_m_s", self.standstill_velocity_m_s, 1e-6..=0.5)?;
+        check_range("standstill_hold_ms", self.standstill_hold_ms, 0.0..=5e3)?;
+        check_range("request_timeout_ms", self.request_timeout_ms, 100.0..=6e4)?;
+        match self.realtime.priority {
+            Some(priority) => check_range("realtime.priority", f64::from(priority), 1.0..=99.0),
+            None => Ok(()),
+        }
+    }
+}
+
+impl PublishConfig {
+    pub(super) fn check(&self, loop_rate_hz: f64) -> Result<(), Problem> {
+        check_range("state_rate_hz", self.state_rate_hz, 1.0..=loop_rate_hz)
+    }
+}
+
+impl ZenohConfig {
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        for (list, endpoints) in [("listen", &self.listen), ("connect", &self.connect)] {
+            for (index, endpoint) in endpoints.iter().enumerate() {
+                let (protocol, address) = endpoint.split_once('/').unwrap_or_default();
+                if protocol.is_empty() || address.is_empty() {
+                    let text =
+                        format!("{endpoint:?} is not an endpoint such as tcp/127.0.0.1:7450");
+                    return Err(Problem::new(format!("{list}.{index}"), text));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Names of the encodings in a robot file.
+#[derive(Deserialize)]
+enum EncodingName {
+    #[serde(rename = "json")]
+    Json,
+    #[serde(rename = "msgpack")]
+    MessagePack,
+}
+
+fn encoding<'de, D: Deserializer<'de>>(deserializer: D) -> Result<WireEncoding, D::Error> {
+    Ok(match EncodingName::deserialize(deserializer)? {
+        EncodingName::Json => WireEncoding::Json,
+        EncodingName::MessagePack => WireEncoding::MessagePack,
+    })
+}

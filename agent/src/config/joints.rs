@@ -1,0 +1,239 @@
+//! The joints of a robot file: a list of names, or a table with limits.
+
+use std::fmt;
+
+use armada_model::{JointLimits, JointType, Motion};
+use armada_protocol::messages::JointInfo;
+use serde::Deserialize;
+use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
+
+use super::Problem;
+
+/// One joint of a robot file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointConfig {
+    /// Name as in the robot description.
+    pub name: String,
+    /// Limits given in the file.
+    pub limits: JointOverrides,
+}
+
+/// Limits of a joint given in the robot file: those the description lacks, and narrower ones.
+///
+/// Of each pair only the unit of the joint may be given: \[rad\] if it turns, \[m\] if it slides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct JointOverrides {
+    /// Highest acceleration and deceleration \[rad/s²\]; needed unless the description gives it.
+    pub acceleration_rad_s2: Option<f64>,
+    /// Highest acceleration and deceleration \[m/s²\]; needed unless the description gives it.
+    pub acceleration_m_s2: Option<f64>,
+    /// Highest speed \[rad/s\]; needed if the description gives none.
+    pub velocity_rad_s: Option<f64>,
+    /// Highest speed \[m/s\]; needed if the description gives none.
+    pub velocity_m_s: Option<f64>,
+    /// Lowest position \[rad\].
+    pub lower_rad: Option<f64>,
+    /// Lowest position \[m\].
+    pub lower_m: Option<f64>,
+    /// Highest position \[rad\].
+    pub upper_rad: Option<f64>,
+    /// Highest position \[m\].
+    pub upper_m: Option<f64>,
+}
+
+/// Names of the fields in one unit, and their values.
+struct InUnit {
+    acceleration: (&'static str, Option<f64>),
+    velocity: (&'static str, Option<f64>),
+    lower: (&'static str, Option<f64>),
+    upper: (&'static str, Option<f64>),
+}
+
+impl JointConfig {
+    /// The joint with the limits of `motion`, its entry in the description, narrowed by the file.
+    pub(super) fn resolve(&self, motion: &Motion) -> Result<JointInfo, Problem> {
+        self.resolve_limits(motion).map_err(|problem| self.at(problem))
+    }
+
+    /// Finds values that no joint may have.
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        for fields in [self.limits.turning(), self.limits.sliding()] {
+            for (field, value) in [fields.acceleration, fields.velocity] {
+                // Written so that not a number is refused as well.
+                if let Some(value) = value
+                    && !(value > 0.0 && value <= MAX_RATE)
+                {
+                    let text = format!("{value} is outside 0 (exclusive) to {MAX_RATE}");
+                    return Err(self.at(Problem::new(field, text)));
+                }
+            }
+            for (field, value) in [fields.lower, fields.upper] {
+                if let Some(value) = value {
+                    super::check_range(field, value, -MAX_POSITION..=MAX_POSITION)
+                        .map_err(|problem| self.at(problem))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn resolve_limits(&self, motion: &Motion) -> Result<JointInfo, Problem> {
+        let slides = motion.joint_type == JointType::Prismatic;
+        let (fields, other) = if slides {
+            (self.limits.sliding(), self.limits.turning())
+        } else {
+            (self.limits.turning(), self.limits.sliding())
+        };
+        other.refuse_all(if slides { "slides" } else { "turns" }, &fields)?;
+        let described = &motion.limits;
+        let (lower, upper) = fields.position(motion)?;
+        let limits = JointLimits {
+            lower,
+            upper,
+            velocity: required(fields.velocity, Some(described.velocity).filter(|v| *v > 0.0))?,
+            acceleration: Some(required(fields.acceleration, described.acceleration)?),
+            effort: described.effort,
+        };
+        let bounded = limits.lower.is_some() && limits.upper.is_some();
+        let joint_type = match motion.joint_type {
+            JointType::Continuous if bounded => JointType::Revolute,
+            other => other,
+        };
+        Ok(JointInfo { name: self.name.clone(), joint_type, limits })
+    }
+
+    fn at(&self, problem: Problem) -> Problem {
+        problem.under(&self.name).under("joints")
+    }
+}
+
+/// Highest speed and acceleration that can be given \[SI\].
+const MAX_RATE: f64 = 10_000.0;
+/// Highest position that can be given \[rad or m\].
+const MAX_POSITION: f64 = 10_000.0;
+
+impl JointOverrides {
+    const fn turning(&self) -> InUnit {
+        InUnit {
+            acceleration: ("acceleration_rad_s2", self.acceleration_rad_s2),
+            velocity: ("velocity_rad_s", self.velocity_rad_s),
+            lower: ("lower_rad", self.lower_rad),
+            upper: ("upper_rad", self.upper_rad),
+        }
+    }
+
+    const fn sliding(&self) -> InUnit {
+        InUnit {
+            acceleration: ("acceleration_m_s2", self.acceleration_m_s2),
+            velocity: ("velocity_m_s", self.velocity_m_s),
+            lower: ("lower_m", self.lower_m),
+            upper: ("upper_m", self.upper_m),
+        }
+    }
+}
+
+impl InUnit {
+    const fn all(&self) -> [(&'static str, Option<f64>); 4] {
+        [self.acceleration, self.velocity, self.lower, self.upper]
+    }
+
+    /// Refuses fields in the unit of another type of joint, naming the right one.
+    fn refuse_all(&self, moves: &str, right: &Self) -> Result<(), Problem> {
+        for ((field, value), (right, _)) in self.all().into_iter().zip(right.all()) {
+            if value.is_some() {
+                return Err(Problem::new(field, format!("the joint {moves}, give {right}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Position limits: those of the description, its soft limits, and the file's.
+    fn position(&self, motion: &Motion) -> Result<(Option<f64>, Option<f64>), Problem> {
+        let hard = &motion.limits;
+        let soft = motion.soft_limits;
+        let lower = narrowest(hard.lower, soft.and_then(|soft| soft.lower), f64::max);
+        let upper = narrowest(hard.upper, soft.and_then(|soft| soft.upper), f64::min);
+        if let ((field, Some(value)), Some(limit)) = (self.lower, lower)
+            && value < limit
+        {
+            return Err(widened(field, value, "below", limit));
+        }
+        if let ((field, Some(value)), Some(limit)) = (self.upper, upper)
+            && value > limit
+        {
+            return Err(widened(field, value, "above", limit));
+        }
+        let (lower, upper) = (self.lower.1.or(lower), self.upper.1.or(upper));
+        if let (Some(low), Some(high)) = (lower, upper)
+            && low >= high
+        {
+            let field = if self.upper.1.is_some() { self.upper.0 } else { self.lower.0 };
+            let text = format!("no position is left between lower {low} and upper {high}");
+            return Err(Problem::new(field, text));
+        }
+        Ok((lower, upper))
+    }
+}
+
+fn narrowest(hard: Option<f64>, soft: Option<f64>, pick: fn(f64, f64) -> f64) -> Option<f64> {
+    match (hard, soft) {
+        (Some(hard), Some(soft)) => Some(pick(hard, soft)),
+        (hard, soft) => hard.or(soft),
+    }
+}
+
+/// The file's value, at most the description's; one of the two must be there.
+fn required(
+    (field, given): (&'static str, Option<f64>),
+    described: Option<f64>,
+) -> Result<f64, Problem> {
+    match (given, described) {
+        (Some(given), Some(limit)) if given > limit => Err(widened(field, given, "above", limit)),
+        (Some(value), _) | (None, Some(value)) => Ok(value),
+        (None, None) => {
+            Err(Problem::new(field, "is missing, and the robot description does not give it"))
+        }
+    }
+}
+
+fn widened(field: &str, value: f64, side: &str, limit: f64) -> Problem {
+    let text = format!(
+        "{value} is {side} the robot description's limit {limit}; limits can only be narrowed"
+    );
+    Problem::new(field, text)
+}
+
+/// Reads joints in the order of the file: `[a, b]`, or `{a: {limits…}, b: {…}}`.
+pub(super) fn names_or_table<'de, D>(deserializer: D) -> Result<Vec<JointConfig>, D::Error>
+where
+    D: Deserializer<'de>,
+{
+    deserializer.deserialize_any(JointsVisitor)
+}
+
+struct JointsVisitor;
+
+impl<'de> Visitor<'de> for JointsVisitor {
+    type Value = Vec<JointConfig>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list of joint names, or a table of joints with their limits")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut names: A) -> Result<Self::Value, A::Error> {
+        let mut joints = Vec::new();
+        while let Some(name) = names.next_element()? {
+            joints.push(JointConfig { name, limits: JointOverrides::default() });
+        }
+        Ok(joints)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Self::Value, A::Error> {
+        let mut joints = Vec::new();
+        while let Some((name, limits)) = entries.next_entry::<String, Option<JointOverrides>>()? {
+            joints.push(JointConfig { name, limits: limits.unwrap_or_default() });
+        }
+        Ok(joints)
+    }
+}
