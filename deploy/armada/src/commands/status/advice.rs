@@ -1,0 +1,148 @@
+//! What is wrong with a robot and what to do next, in words.
+
+use armada_protocol::RobotName;
+use armada_protocol::messages::{
+    CellRobotStatus, CommandMode, ControllerState, Fault, FaultCode, LatchedStop, Presence,
+};
+
+use crate::words;
+
+/// One line for each thing that keeps the robot from moving; none if all is well.
+pub(super) fn of(robot: &RobotName, status: &CellRobotStatus) -> Vec<String> {
+    match status.presence {
+        Presence::NeverSeen => {
+            return vec![format!(
+                "{robot}: its agent has not been seen: start it (`armada agent ROBOT.yaml`)"
+            )];
+        }
+        Presence::Lost => {
+            return vec![format!(
+                "{robot}: its agent is gone; the arm ramps to standstill by itself: look at the \
+                 agent's log and start it again"
+            )];
+        }
+        Presence::Online => {}
+    }
+    let mut lines: Vec<String> =
+        status.faults.iter().map(|fault| fault_line(robot, fault)).collect();
+    if let Some(stop) = &status.stop {
+        lines.extend(stop.stops.iter().map(|stop| stop_line(robot, stop)));
+        lines.push(format!("{robot}: when it is safe to go on: `armada reset {robot}`"));
+    }
+    if lines.is_empty() {
+        lines.extend(not_commanded(robot, status));
+    }
+    lines
+}
+
+fn fault_line(robot: &RobotName, fault: &Fault) -> String {
+    let next = match fault.code {
+        FaultCode::CommunicationLost => "check the controller and its cable, then ",
+        FaultCode::EmergencyStop => "release the emergency stop at the robot, then ",
+        FaultCode::ControllerError => "look at the controller's own message, then ",
+        FaultCode::TrackingError => "look what held the arm, then ",
+        FaultCode::NotReady | FaultCode::LoopError => "",
+    };
+    let code = words::wire_name(fault.code);
+    format!("{robot}: fault, {code}: {}; {next}`armada reset-errors {robot}`", fault.message)
+}
+
+fn stop_line(robot: &RobotName, stop: &LatchedStop) -> String {
+    let reason = if stop.reason.is_empty() { "no reason given" } else { &stop.reason };
+    format!("{robot}: stopped ({:?}) by {}: {reason}", stop.level, stop.source)
+}
+
+fn not_commanded(robot: &RobotName, status: &CellRobotStatus) -> Option<String> {
+    match (status.command_mode, status.controller_state) {
+        (_, Some(ControllerState::MotorOff)) => {
+            Some(format!("{robot}: drives are off: `armada enable {robot}`"))
+        }
+        (_, Some(ControllerState::EmergencyStop)) => {
+            Some(format!("{robot}: emergency stop: release it at the robot"))
+        }
+        (Some(CommandMode::InvalidState), state) => {
+            let state = state.map_or("unknown", words::controller);
+            Some(format!("{robot}: cannot be commanded, its controller is in {state}"))
+        }
+        (None, _) => Some(format!("{robot}: online, but has not told its status yet")),
+        (Some(_), _) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use armada_model::MonoTime;
+    use armada_protocol::messages::{StopLatch, StopLevel, StopStage};
+    use uuid::Uuid;
+
+    use super::*;
+
+    fn online() -> CellRobotStatus {
+        CellRobotStatus {
+            presence: Presence::Online,
+            command_mode: Some(CommandMode::Halt),
+            controller_state: Some(ControllerState::MotorOn),
+            ..CellRobotStatus::default()
+        }
+    }
+
+    fn advice(status: &CellRobotStatus) -> Vec<String> {
+        of(&"left_arm".parse().expect("a name"), status)
+    }
+
+    #[test]
+    fn a_robot_that_is_well_needs_no_words() {
+        assert_eq!(advice(&online()), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_fault_is_told_with_its_message_and_the_command_that_clears_it() {
+        let fault = |code| Fault {
+            code,
+            message: "joint 3: 0.2 rad behind".to_owned(),
+            since_ns: MonoTime::ZERO,
+        };
+        let faults = vec![fault(FaultCode::TrackingError), fault(FaultCode::LoopError)];
+        let lines = advice(&CellRobotStatus { faults, ..online() });
+        assert_eq!(
+            lines,
+            [
+                "left_arm: fault, tracking error: joint 3: 0.2 rad behind; look what held the arm, \
+                 then `armada reset-errors left_arm`",
+                "left_arm: fault, loop error: joint 3: 0.2 rad behind; `armada reset-errors left_arm`"
+            ]
+        );
+    }
+
+    #[test]
+    fn every_latched_stop_is_told_and_then_the_reset() {
+        let stop = |source: &str| LatchedStop {
+            stop_id: Uuid::nil(),
+            source: source.to_owned(),
+            level: StopLevel::L1,
+            reason: String::new(),
+        };
+        let stop = StopLatch {
+            level: StopLevel::L1,
+            stops: vec![stop("a"), stop("b")],
+            stage: StopStage::Standstill,
+        };
+        let lines = advice(&CellRobotStatus { stop: Some(stop), ..online() });
+        assert_eq!(lines[0], "left_arm: stopped (L1) by a: no reason given");
+        assert_eq!(lines[2], "left_arm: when it is safe to go on: `armada reset left_arm`");
+    }
+
+    #[test]
+    fn drives_that_are_off_are_told_with_the_command() {
+        let status =
+            CellRobotStatus { controller_state: Some(ControllerState::MotorOff), ..online() };
+        assert_eq!(advice(&status), ["left_arm: drives are off: `armada enable left_arm`"]);
+    }
+
+    #[test]
+    fn a_robot_that_is_gone_has_only_one_thing_to_tell() {
+        let status = CellRobotStatus { presence: Presence::Lost, ..online() };
+        assert_eq!(advice(&status).len(), 1);
+        assert!(advice(&status)[0].contains("ramps to standstill by itself"));
+    }
+}
