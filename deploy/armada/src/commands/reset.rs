@@ -1,0 +1,174 @@
+//! `armada reset`.
+
+use std::io::{BufRead as _, IsTerminal as _};
+
+use armada_protocol::RobotName;
+use armada_protocol::client::{Client, ClientError};
+use armada_protocol::messages::{
+    CellResetAnswer, CellResetParams, Denial, DenialCode, LatchedStop, ResetParams,
+};
+use armada_protocol::method::{cell, robot};
+use clap::Args;
+
+use crate::cell_address::{CellAddress, CellArgs};
+use crate::commands::modes::robots_or_all;
+use crate::exit::Exit;
+use crate::output::{Output, note};
+use crate::words;
+
+/// Arguments of `armada reset`.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  armada reset                  clear the stops of all robots, after a question
+  armada reset left_arm --yes   one robot, without a question
+
+Nothing moves and nothing is enabled by it. Without the gateway the agents are asked directly.
+On a terminal it asks first; a script that is sure need not say --yes.")]
+pub(crate) struct ResetArgs {
+    /// Robots to reset; every stopped robot if left out
+    #[arg(value_name = "ROBOT")]
+    robots: Vec<RobotName>,
+    /// Do not ask
+    #[arg(long, short)]
+    yes: bool,
+    #[command(flatten)]
+    cell: CellArgs,
+}
+
+/// What is latched, and who told.
+struct Latched {
+    robots: Vec<(RobotName, Vec<LatchedStop>)>,
+    by_gateway: bool,
+}
+
+/// Lists what is latched, asks, and clears it.
+pub(crate) async fn run(args: ResetArgs) -> anyhow::Result<Exit> {
+    let (client, address) = args.cell.connect().await?;
+    let out = args.cell.output();
+    let latched = latched(&client, &address, args.robots).await?;
+    for (robot, stops) in &latched.robots {
+        stops.iter().for_each(|stop| note(format_args!("{robot}: {}", in_words(stop))));
+    }
+    if latched.robots.is_empty() {
+        return report(&CellResetAnswer { reset: vec![], refused: vec![] }, &out);
+    }
+    if !args.yes && std::io::stdin().is_terminal() && !confirmed()? {
+        note("nothing was reset");
+        return Ok(Exit::Failure);
+    }
+    let answer = if latched.by_gateway {
+        let robots = latched.robots.into_iter().map(|(robot, _)| robot).collect();
+        client.call_cell::<cell::Reset>(CellResetParams { robots }).await?
+    } else {
+        reset_at_agents(&client, latched.robots).await
+    };
+    report(&answer, &out)
+}
+
+async fn latched(
+    client: &Client,
+    address: &CellAddress,
+    named: Vec<RobotName>,
+) -> anyhow::Result<Latched> {
+    match client.cell_status().await {
+        Ok(status) => {
+            let in_scope = |robot: &RobotName| named.is_empty() || named.contains(robot);
+            let robots = status.robots.into_iter().filter(|(robot, _)| in_scope(robot));
+            let robots = robots
+                .filter_map(|(robot, status)| status.stop.map(|stop| (robot, stop.stops)))
+                .collect();
+            Ok(Latched { robots, by_gateway: true })
+        }
+        Err(ClientError::NoReply { .. } | ClientError::Timeout { .. }) => {
+            note("the gateway does not answer: asking the agents directly");
+            let mut robots = Vec::new();
+            for robot in robots_or_all(client, address, named).await? {
+                match client.robot_status(&robot).await {
+                    Ok(status) => robots.extend(status.stop.map(|stop| (robot, stop.stops))),
+                    Err(error) => note(format_args!("{robot}: {error}")),
+                }
+            }
+            Ok(Latched { robots, by_gateway: false })
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+async fn reset_at_agents(
+    client: &Client,
+    robots: Vec<(RobotName, Vec<LatchedStop>)>,
+) -> CellResetAnswer {
+    let mut answer = CellResetAnswer { reset: vec![], refused: vec![] };
+    for (robot, stops) in robots {
+        let stop_ids = stops.iter().map(|stop| stop.stop_id).collect();
+        match client.call::<robot::Reset>(&robot, ResetParams { stop_ids }).await {
+            Ok(done) => answer.reset.push((robot, done.cleared)),
+            Err(ClientError::Denied(denial)) => answer.refused.push((robot, denial)),
+            Err(error) => {
+                let denial = Denial::new(DenialCode::CommunicationLost, error.to_string());
+                answer.refused.push((robot, denial));
+            }
+        }
+    }
+    answer
+}
+
+fn in_words(stop: &LatchedStop) -> String {
+    let reason = if stop.reason.is_empty() { "no reason given" } else { &stop.reason };
+    format!("stop {:?} by {}: {reason}", stop.level, stop.source)
+}
+
+fn confirmed() -> anyhow::Result<bool> {
+    note("Is it safe to go on? Nothing moves by a reset, but the next command may. Reset? [y/N]");
+    let mut answer = String::new();
+    std::io::stdin().lock().read_line(&mut answer)?;
+    Ok(is_yes(&answer))
+}
+
+fn is_yes(answer: &str) -> bool {
+    matches!(answer.trim().to_ascii_lowercase().as_str(), "y" | "yes")
+}
+
+fn report(answer: &CellResetAnswer, out: &Output) -> anyhow::Result<Exit> {
+    if out.is_json() {
+        out.json(answer)?;
+    } else {
+        for (robot, stops) in &answer.reset {
+            out.line(format_args!("{robot}: reset, {} stops cleared", stops.len()))?;
+        }
+        if answer.reset.is_empty() && answer.refused.is_empty() {
+            out.line("no stop is latched")?;
+        }
+    }
+    for (robot, denial) in &answer.refused {
+        note(format_args!("{robot}: not reset: {}", words::denial(denial)));
+    }
+    Ok(if answer.refused.is_empty() { Exit::Success } else { Exit::Failure })
+}
+
+#[cfg(test)]
+mod tests {
+    use armada_protocol::messages::StopLevel;
+    use uuid::Uuid;
+
+    use super::*;
+
+    #[test]
+    fn only_a_clear_yes_resets() {
+        assert!(is_yes("Y\n") && is_yes("yes\n"));
+        assert!(!is_yes("\n") && !is_yes("no\n") && !is_yes("yep, maybe\n"));
+    }
+
+    #[test]
+    fn a_stop_is_told_with_who_and_why() {
+        let mut stop = LatchedStop {
+            stop_id: Uuid::nil(),
+            source: "planner-2".to_owned(),
+            level: StopLevel::L1,
+            reason: "person in the cell".to_owned(),
+        };
+        assert_eq!(in_words(&stop), "stop L1 by planner-2: person in the cell");
+        stop.reason.clear();
+        assert_eq!(in_words(&stop), "stop L1 by planner-2: no reason given");
+    }
+}

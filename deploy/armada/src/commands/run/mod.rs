@@ -1,0 +1,182 @@
+//! `armada run`: a trajectory from a file.
+
+mod plan;
+
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use armada_model::JointTrajectory;
+use armada_protocol::RobotName;
+use armada_protocol::client::{Client, ClientError};
+use armada_protocol::messages::{
+    Accepted, ActionStatus, CancelParams, CellExecuteTrajectory, CommandMode,
+    ExecuteTrajectoryParams,
+};
+use armada_protocol::method::{cell, robot};
+use clap::{Args, ValueHint};
+use uuid::Uuid;
+
+pub(crate) use plan::Plan;
+
+use crate::cell_address::CellArgs;
+use crate::commands::jog::{Jog, commanded, parse_fraction, report_end};
+use crate::exit::Exit;
+use crate::motion::{Follower, Mover, Waited, end_line, enter_mode, next_state};
+use crate::output::{Output, note};
+
+/// Speed of the way to the first waypoint, as a fraction of the joints' limits.
+pub(crate) const APPROACH_SPEED: f64 = 0.3;
+/// Time for the first state to come.
+const STATE_TIMEOUT: Duration = Duration::from_secs(2);
+/// Time to come to standstill after a motion was cancelled.
+const CANCEL_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Arguments of `armada run`.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  armada run config/motions/handover.json
+  armada run config/motions/handover.json --speed 0.5 --repeat 3
+  armada run sweep.json --robot left_arm
+
+The file holds joint_names, and waypoints with time_from_start_s, joint_position [rad or m] and,
+if you like, joint_velocity. Names are ROBOT/JOINT, or JOINT with --robot.
+Every part is checked by its robot before any part starts; all start at one instant; when one
+fails, all stop. Ctrl-C cancels with a ramp to standstill.")]
+pub(crate) struct RunArgs {
+    /// Trajectory
+    #[arg(value_name = "FILE.json", value_hint = ValueHint::FilePath)]
+    file: PathBuf,
+    /// Robot whose joints the file names; it runs without the gateway
+    #[arg(long, value_name = "ROBOT")]
+    robot: Option<RobotName>,
+    /// Speed as a fraction of the file's, above 0 and at most 1: times are divided by it
+    #[arg(long, value_name = "FRACTION", default_value = "1", value_parser = parse_fraction)]
+    speed: f64,
+    /// How often to run it
+    #[arg(long, value_name = "TIMES", default_value = "1")]
+    repeat: NonZeroU32,
+    /// Refuse instead of first moving robots to the first waypoint that are not there
+    #[arg(long)]
+    no_approach: bool,
+    #[command(flatten)]
+    cell: CellArgs,
+}
+
+/// Runs the trajectory.
+pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
+    let plan = Plan::load(&args.file, args.robot.as_ref())?.at_speed(args.speed);
+    let (client, _) = args.cell.connect().await?;
+    let out = args.cell.output();
+    for round in 1..=args.repeat.get() {
+        if !args.no_approach
+            && let Exit::Interrupted = approach(&client, &plan, &out).await?
+        {
+            return Ok(Exit::Interrupted);
+        }
+        let title = match args.repeat.get() {
+            1 => plan.title(),
+            rounds => format!("{} {round}/{rounds}", plan.title()),
+        };
+        let exit = once(&client, &plan, &title, args.cell.timeout, &out).await?;
+        if exit != Exit::Success {
+            return Ok(exit);
+        }
+    }
+    Ok(Exit::Success)
+}
+
+/// Moves every robot that is not there to its first waypoint, all at once.
+pub(crate) async fn approach(client: &Client, plan: &Plan, out: &Output) -> anyhow::Result<Exit> {
+    let mut jogs = Vec::new();
+    for part in plan.parts() {
+        let info = client.robot_info(&part.robot).await?;
+        let state = next_state(client, &part.robot, STATE_TIMEOUT).await?;
+        let goal = part.first_waypoint(&info)?;
+        if part.is_there(&goal, commanded(&state)) {
+            continue;
+        }
+        note(format_args!("{}: moving to the first waypoint", part.robot));
+        jogs.push(Jog::start(client, &info, goal, APPROACH_SPEED).await?);
+    }
+    for (index, jog) in jogs.iter().enumerate() {
+        let view = match jog.wait(client, None).await? {
+            Waited::Ended(view) => view,
+            Waited::Interrupted => {
+                note("Ctrl-C: halting the robots");
+                for jog in jogs.iter().skip(index) {
+                    jog.halt(client, out).await?;
+                }
+                return Ok(Exit::Interrupted);
+            }
+        };
+        if view.status != ActionStatus::Complete {
+            for jog in jogs.iter().skip(index + 1) {
+                jog.halt(client, out).await?;
+            }
+            anyhow::bail!("not at the first waypoint: {}", end_line("approach", &view));
+        }
+    }
+    Ok(Exit::Success)
+}
+
+async fn once(
+    client: &Client,
+    plan: &Plan,
+    title: &str,
+    limit: Option<Duration>,
+    out: &Output,
+) -> anyhow::Result<Exit> {
+    let (accepted, follower) = start(client, plan).await?;
+    match follower.wait(client, title, limit).await? {
+        Waited::Ended(view) => report_end(title, &view, out),
+        Waited::Interrupted => {
+            note(format_args!("Ctrl-C: cancelling {title}"));
+            cancel(client, plan, accepted.motion_id).await?;
+            match follower.wait_for_end(client, CANCEL_TIMEOUT).await {
+                Some(view) => drop(report_end(title, &view, out)?),
+                None => note("no end of the motion in time: go and look"),
+            }
+            Ok(Exit::Interrupted)
+        }
+    }
+}
+
+/// Brings the robots into mode trajectory and asks for the motion.
+pub(crate) async fn start(client: &Client, plan: &Plan) -> anyhow::Result<(Accepted, Follower)> {
+    for part in plan.parts() {
+        enter_mode(client, &part.robot, CommandMode::Trajectory).await?;
+    }
+    let id = Uuid::now_v7();
+    let follower = Follower::subscribe(client, plan.mover(), id).await?;
+    let accepted = execute(client, plan, id, plan.trajectory().clone()).await?;
+    Ok((accepted, follower))
+}
+
+async fn execute(
+    client: &Client,
+    plan: &Plan,
+    id: Uuid,
+    trajectory: JointTrajectory,
+) -> Result<Accepted, ClientError> {
+    match plan.mover() {
+        Mover::Robot(robot) => {
+            let params = ExecuteTrajectoryParams { motion_id: Some(id), trajectory };
+            client.call::<robot::ExecuteTrajectory>(&robot, params).await
+        }
+        Mover::Cell => {
+            let params = CellExecuteTrajectory { motion_id: Some(id), trajectory };
+            client.call_cell::<cell::ExecuteTrajectory>(params).await
+        }
+    }
+}
+
+/// Ends the motion with a ramp to standstill.
+pub(crate) async fn cancel(client: &Client, plan: &Plan, id: Uuid) -> Result<(), ClientError> {
+    let params = CancelParams { motion_id: id };
+    match plan.mover() {
+        Mover::Robot(robot) => client.call::<robot::Cancel>(&robot, params).await?,
+        Mover::Cell => client.call_cell::<cell::Cancel>(params).await?,
+    };
+    Ok(())
+}
