@@ -1,0 +1,229 @@
+//! What is shown of a robot.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use armada_protocol::RobotName;
+use armada_protocol::messages::{RobotInfo, RobotState, RobotStatus};
+
+/// Time over which rates are measured.
+const RATE_WINDOW: Duration = Duration::from_secs(2);
+/// Silence after which what is shown is old.
+pub(super) const STALE: Duration = Duration::from_millis(1500);
+
+/// What is known of a robot; times are since an arbitrary start.
+#[derive(Clone, Debug)]
+pub(super) struct Model {
+    pub(super) robot: RobotName,
+    pub(super) info: Option<RobotInfo>,
+    pub(super) status: Option<RobotStatus>,
+    pub(super) state: Option<RobotState>,
+    /// Outcome of what was asked for by a key.
+    pub(super) message: String,
+    /// Whether the keys are explained.
+    pub(super) help: bool,
+    last_state: Option<Duration>,
+    arrivals: VecDeque<Duration>,
+}
+
+impl Model {
+    pub(super) const fn new(robot: RobotName) -> Self {
+        Self {
+            robot,
+            info: None,
+            status: None,
+            state: None,
+            message: String::new(),
+            help: false,
+            last_state: None,
+            arrivals: VecDeque::new(),
+        }
+    }
+
+    /// Takes a state that came at `now`.
+    pub(super) fn take_state(&mut self, now: Duration, state: RobotState) {
+        self.state = Some(state);
+        self.last_state = Some(now);
+        self.arrivals.push_back(now);
+        self.forget(now);
+    }
+
+    /// Takes a status.
+    pub(super) fn take_status(&mut self, status: RobotStatus) {
+        self.status = Some(status);
+    }
+
+    /// Whether the agent has another description than the one that is shown.
+    pub(super) fn needs_info(&self) -> bool {
+        let boot_id = self.state.as_ref().map(|state| state.boot_id);
+        self.info.as_ref().is_none_or(|info| boot_id.is_some_and(|boot| boot != info.boot_id))
+    }
+
+    /// How long ago the last state came; `None` if none ever did.
+    pub(super) fn age(&self, now: Duration) -> Option<Duration> {
+        self.last_state.map(|last| now.saturating_sub(last))
+    }
+
+    /// How often states come \[Hz\].
+    pub(super) fn rate_hz(&self, now: Duration) -> f64 {
+        let recent = |at: &&Duration| now.saturating_sub(**at) <= RATE_WINDOW;
+        let times: Vec<&Duration> = self.arrivals.iter().filter(recent).collect();
+        match (times.first(), times.last()) {
+            (Some(&&first), Some(_)) if now > first && times.len() > 1 => {
+                (times.len() - 1) as f64 / now.saturating_sub(first).as_secs_f64()
+            }
+            _ => 0.0,
+        }
+    }
+
+    fn forget(&mut self, now: Duration) {
+        while self.arrivals.front().is_some_and(|at| now.saturating_sub(*at) > RATE_WINDOW) {
+            self.arrivals.pop_front();
+        }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use armada_model::{JointLimits, JointType, JointVector, MonoTime, Pose};
+    use armada_protocol::messages::{
+        CommandMode, ControllerState, Fault, FaultCode, JointInfo, LoopStatistics, MotionProgress,
+        OperationalMode, RobotFlags, SchedulingPolicy, TcpState,
+    };
+    use uuid::Uuid;
+
+    use super::*;
+
+    pub(in super::super) fn vector(values: &[f64]) -> JointVector {
+        JointVector::from_slice(values).expect("finite")
+    }
+
+    fn info() -> RobotInfo {
+        let joint = |name: &str, joint_type, lower| JointInfo {
+            name: name.to_owned(),
+            joint_type,
+            limits: JointLimits {
+                lower,
+                upper: lower.map(|lower: f64| lower + 2.0),
+                velocity: 2.0,
+                ..JointLimits::default()
+            },
+        };
+        RobotInfo {
+            robot: "left_arm".parse().expect("a name"),
+            uuid: Uuid::nil(),
+            boot_id: Uuid::nil(),
+            seqno: 0,
+            vendor: "sim".to_owned(),
+            model: "six-axis".to_owned(),
+            serial: String::new(),
+            software_version: "0.1.0".to_owned(),
+            model_rev: 1,
+            joints: vec![
+                joint("shoulder", JointType::Revolute, Some(-1.0)),
+                joint("wrist", JointType::Continuous, None),
+            ],
+            chains: vec![],
+            capabilities: vec![],
+            methods: vec![],
+            flags: vec![],
+            period_ms: 2.0,
+            state_rate_hz: 100.0,
+            urdf: String::new(),
+        }
+    }
+
+    pub(in super::super) fn state() -> RobotState {
+        RobotState {
+            stamp_ns: MonoTime::ZERO,
+            utc_ns: 0,
+            boot_id: Uuid::nil(),
+            seqno: 1,
+            epoch: 4,
+            command_mode: CommandMode::Trajectory,
+            operational_mode: OperationalMode::Auto,
+            controller_state: ControllerState::MotorOn,
+            flags: RobotFlags::ENABLED.with(RobotFlags::READY, true),
+            joint_position_rad: vector(&[0.5, -0.25]),
+            joint_velocity_rad_s: vector(&[0.1, 0.0]),
+            joint_effort_nm: JointVector::EMPTY,
+            joint_position_command_rad: vector(&[0.51, -0.25]),
+            joint_velocity_command_rad_s: vector(&[0.1, 0.0]),
+            tcp: vec![TcpState {
+                chain: "arm".to_owned(),
+                pose: Pose::from_translation(0.5, 0.0, 1.0),
+            }],
+            motion: Some(MotionProgress {
+                id: Uuid::nil(),
+                elapsed_s: 1.0,
+                duration_s: 4.0,
+                waypoint: 3,
+            }),
+            config_seqno: 0,
+        }
+    }
+
+    fn status() -> RobotStatus {
+        RobotStatus {
+            robot: "left_arm".parse().expect("a name"),
+            boot_id: Uuid::nil(),
+            seqno: 0,
+            stamp_ns: MonoTime::ZERO,
+            epoch: 4,
+            command_mode: CommandMode::Trajectory,
+            operational_mode: OperationalMode::Auto,
+            controller_state: ControllerState::MotorOn,
+            flags: RobotFlags::NONE,
+            stop: None,
+            faults: vec![Fault {
+                code: FaultCode::TrackingError,
+                message: "joint shoulder: 0.3 rad behind".to_owned(),
+                since_ns: MonoTime::ZERO,
+            }],
+            lease: None,
+            motion: None,
+            control_loop: LoopStatistics {
+                rate_hz: 500.0,
+                target_rate_hz: 500.0,
+                overruns: 7,
+                scheduling: SchedulingPolicy::Fifo(80),
+                ..LoopStatistics::default()
+            },
+            dropped: vec![],
+            next: vec!["reset_errors when the cause is gone".to_owned()],
+        }
+    }
+
+    pub(in super::super) fn full_model() -> Model {
+        let mut model = Model::new("left_arm".parse().expect("a name"));
+        model.info = Some(info());
+        model.take_status(status());
+        for tick in 0..=100 {
+            model.take_state(Duration::from_millis(tick * 10), state());
+        }
+        model
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_last_two_seconds() {
+        let model = full_model();
+        assert!((model.rate_hz(Duration::from_secs(1)) - 100.0).abs() < 0.5);
+        assert_eq!(model.rate_hz(Duration::from_secs(9)), 0.0);
+    }
+
+    #[test]
+    fn age_grows_while_nothing_comes() {
+        let model = full_model();
+        assert_eq!(model.age(Duration::from_millis(1250)), Some(Duration::from_millis(250)));
+        assert_eq!(Model::new("torso".parse().expect("a name")).age(Duration::ZERO), None);
+    }
+
+    #[test]
+    fn a_restarted_agent_is_asked_again_what_it_is() {
+        let mut model = full_model();
+        assert!(!model.needs_info());
+        let restarted = RobotState { boot_id: Uuid::max(), ..state() };
+        model.take_state(Duration::from_secs(2), restarted);
+        assert!(model.needs_info());
+    }
+}

@@ -1,0 +1,97 @@
+//! A robot as lines, for logs and scripts.
+
+use std::time::Duration;
+
+use serde_json::json;
+use tokio::time::MissedTickBehavior;
+
+use super::feed::Feed;
+use super::model::Model;
+use crate::exit::Exit;
+use crate::motion::fraction;
+use crate::output::Output;
+use crate::words;
+
+/// Writes a line or a JSON object each `interval` until Ctrl-C, or until nobody reads.
+pub(super) async fn run(mut feed: Feed, out: &Output, interval: Duration) -> anyhow::Result<Exit> {
+    let mut ticks = tokio::time::interval(interval);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let interrupted = tokio::signal::ctrl_c();
+    tokio::pin!(interrupted);
+    while !out.is_closed() {
+        tokio::select! {
+            _ = &mut interrupted => break,
+            _ = ticks.tick() => {}
+        }
+        feed.update().await?;
+        let now = feed.now();
+        if out.is_json() {
+            out.json_line(&object(&feed.model, now))?;
+        } else {
+            out.line(line(&feed.model, now))?;
+        }
+    }
+    Ok(Exit::Success)
+}
+
+fn object(model: &Model, now: Duration) -> serde_json::Value {
+    json!({
+        "robot": model.robot,
+        "state_age_ms": model.age(now).map(|age| age.as_secs_f64() * 1e3),
+        "state_rate_hz": model.rate_hz(now),
+        "state": model.state,
+        "status": model.status,
+    })
+}
+
+fn line(model: &Model, now: Duration) -> String {
+    let (Some(state), Some(age)) = (&model.state, model.age(now)) else {
+        return format!("{}: no state yet", model.robot);
+    };
+    let positions: Vec<String> =
+        state.joint_position_rad.iter().map(|&position| words::tidy(position, 4)).collect();
+    let mut line = format!(
+        "{}: {} {}, joints [{}], {:.0} Hz, {} ms old",
+        model.robot,
+        words::mode(state.command_mode),
+        words::controller(state.controller_state),
+        positions.join(" "),
+        model.rate_hz(now),
+        age.as_millis()
+    );
+    if let Some(motion) = state.motion {
+        let done = fraction(motion.elapsed_s, motion.duration_s) * 100.0;
+        line.push_str(&format!(", motion {done:.0} %"));
+    }
+    if let Some(status) = &model.status {
+        if status.stop.is_some() {
+            line.push_str(", STOPPED");
+        }
+        for fault in &status.faults {
+            line.push_str(&format!(", FAULT {}", fault.message));
+        }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::tests::full_model;
+    use super::*;
+
+    #[test]
+    fn a_line_tells_mode_joints_rate_motion_and_faults() {
+        assert_eq!(
+            line(&full_model(), Duration::from_secs(1)),
+            "left_arm: trajectory motor on, joints [0.5000 -0.2500], 100 Hz, 0 ms old, \
+             motion 25 %, FAULT joint shoulder: 0.3 rad behind"
+        );
+    }
+
+    #[test]
+    fn before_the_first_state_the_line_says_so() {
+        let model = Model::new("torso".parse().expect("a name"));
+        assert_eq!(line(&model, Duration::ZERO), "torso: no state yet");
+        assert!(object(&model, Duration::ZERO)["state"].is_null());
+    }
+}
