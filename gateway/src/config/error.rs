@@ -30,7 +30,7 @@ pub enum CellConfigError {
         /// The file.
         path: PathBuf,
         /// Where in it, and what is wrong.
-        excerpt: Excerpt,
+        excerpt: Box<Excerpt>,
     },
 }
 

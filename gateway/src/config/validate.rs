@@ -36,7 +36,7 @@ pub(super) fn checked(
             text: text.lines().nth(index).unwrap_or_default().to_owned(),
             problem,
         };
-        CellConfigError::Invalid { path: path.to_owned(), excerpt }
+        CellConfigError::Invalid { path: path.to_owned(), excerpt: Box::new(excerpt) }
     })
 }
 
@@ -87,9 +87,8 @@ fn robot_name(name: &Spanned<String>) -> At<RobotName> {
 
 fn checked_namespace(namespace: Spanned<String>) -> At<String> {
     let allowed = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'-' | b'.');
-    let is_key = |text: &str| {
-        text.split('/').all(|chunk| !chunk.is_empty() && chunk.bytes().all(allowed))
-    };
+    let is_key =
+        |text: &str| text.split('/').all(|chunk| !chunk.is_empty() && chunk.bytes().all(allowed));
     if is_key(&namespace.value) {
         Ok(namespace.value)
     } else {

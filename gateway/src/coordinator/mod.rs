@@ -1,0 +1,248 @@
+//! What the gateway decides: presence, status, motions of several robots, stops, resets.
+//!
+//! ```text
+//! samples, requests, answers --Input--> handle(now) --Action--> questions, answers, publications
+//!                                 next_deadline --> Input::Timer
+//! ```
+//! Pure: no clock, no socket, no order of a hash map. One executor task owns a [`Coordinator`],
+//! performs its actions at once and feeds back what becomes of them.
+//!
+//! | part | concern |
+//! |---|---|
+//! | `knowledge`, `robot`, `clock_offset` | what is known of each robot, and of its agent's clock |
+//! | `requests`, `plan` | taking a request apart, and what refuses it |
+//! | `group` | one motion of several robots, from request to terminal status |
+//! | `stop`, `reset` | one stop or reset of the cell |
+//! | `upkeep`, `cell_status`, `outbox` | what time asks for, and what goes out |
+//!
+//! Invariants: every request is answered once; nothing is committed before all parts are
+//! prepared; an accepted motion has one terminal status; when one part fails all are aborted;
+//! events have no gap in their numbers; a stop is never refused and waits for nothing.
+//!
+//! Not here yet: who may command (leases), whose place is a module `authority` asked by
+//! [`Coordinator::handle`] before a request is begun; and coupled motion, in which agents watch
+//! each other directly: it replaces the supervision in `group` after the commit, so that the
+//! gateway may vanish.
+
+mod cell_status;
+mod clock_offset;
+mod group;
+mod io;
+mod knowledge;
+mod outbox;
+mod plan;
+mod requests;
+mod reset;
+mod robot;
+mod stop;
+mod upkeep;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, VecDeque};
+
+use armada_model::MonoTime;
+use armada_protocol::RobotName;
+use armada_protocol::messages::{Denial, EventKind, Severity};
+use serde_json::Map;
+use uuid::Uuid;
+
+pub use io::{Action, AgentAnswer, AgentCall, AskId, CellAnswer, CellRequest, Input, Ticket};
+
+use crate::config::MotionTimers;
+use cell_status::StatusSchedule;
+use group::{Context, Group};
+use outbox::{CallKind, Happening, Outbox, Pending, Purpose};
+use reset::ResetOperation;
+use robot::RobotRecord;
+use stop::StopOperation;
+use upkeep::REFRESH_TIMEOUT;
+
+/// Identities of ended motions and heard stops that are remembered.
+const REMEMBERED: usize = 1_024;
+/// Which cell a coordinator is for.
+#[derive(Clone, Debug)]
+pub struct CoordinatorConfig {
+    /// Name of the cell.
+    pub cell: String,
+    /// Run of the gateway.
+    pub boot_id: Uuid,
+    /// The robots of the cell.
+    pub robots: Vec<RobotName>,
+    /// Timers of motions.
+    pub timers: MotionTimers,
+}
+
+/// The deciding part of a gateway.
+#[derive(Debug)]
+pub struct Coordinator {
+    cell: String,
+    timers: MotionTimers,
+    robots: BTreeMap<RobotName, RobotRecord>,
+    groups: BTreeMap<Uuid, Group>,
+    /// Motions that are over, oldest first.
+    ended: VecDeque<Uuid>,
+    stops: BTreeMap<Uuid, StopOperation>,
+    /// Stops that others published, oldest first.
+    heard_stops: VecDeque<Uuid>,
+    /// When a stop for each robot was heard last.
+    stop_heard: BTreeMap<RobotName, MonoTime>,
+    resets: BTreeMap<u64, ResetOperation>,
+    next_reset: u64,
+    schedule: StatusSchedule,
+    outbox: Outbox,
+}
+
+impl Coordinator {
+    /// A coordinator that has heard of nobody yet; the first [`Self::handle`] says that it began.
+    #[must_use]
+    pub fn new(config: CoordinatorConfig, now: MonoTime) -> Self {
+        let mut outbox = Outbox::new(config.boot_id);
+        let robots = config.robots.iter().map(RobotName::as_str).collect::<Vec<_>>().join(", ");
+        let message = format!("gateway of {} with {robots}", config.cell);
+        outbox.record(now, own_happening(EventKind::Started, Severity::Info, message));
+        Self {
+            cell: config.cell,
+            timers: config.timers,
+            robots: config.robots.into_iter().map(|r| (r, RobotRecord::default())).collect(),
+            groups: BTreeMap::new(),
+            ended: VecDeque::new(),
+            stops: BTreeMap::new(),
+            heard_stops: VecDeque::new(),
+            stop_heard: BTreeMap::new(),
+            resets: BTreeMap::new(),
+            next_reset: 0,
+            schedule: StatusSchedule::new(),
+            outbox,
+        }
+    }
+
+    /// Takes what happened at `now` and returns what is to be done, in this order.
+    pub fn handle(&mut self, now: MonoTime, input: Input) -> Vec<Action> {
+        match input {
+            Input::Presence { robot, online } => self.on_presence(&robot, online, now),
+            Input::State { robot, state, arrived, arrivals } => {
+                if let Some(record) = self.admitted(&robot, state.boot_id, now) {
+                    record.take_state(*state, arrived, arrivals);
+                }
+            }
+            Input::Status(status) => {
+                let robot = status.robot.clone();
+                let record = self.admitted(&robot, status.boot_id, now);
+                if record.is_some_and(|record| record.take_status(status)) {
+                    self.schedule.note_change();
+                }
+            }
+            Input::Info(info) => self.on_info(&info, now),
+            Input::Motion(status) => self.on_motion(&status, now),
+            Input::StopAck(ack) => self.on_stop_ack(&ack, now),
+            Input::CellStop(request) => self.on_cell_stop(&request, now),
+            Input::Request { ticket, client, request } => {
+                self.on_request(ticket, client, request, now);
+            }
+            Input::Answer { ask, result } => self.on_answer(ask, result, now),
+            Input::ModelRejected { robot, message } => {
+                let (severity, kind) = (Severity::Error, EventKind::ModelRejected);
+                let (robot, details) = (Some(&robot), Map::new());
+                self.outbox.record(now, Happening { severity, kind, robot, message, details });
+            }
+            Input::Ending => self.on_ending(now),
+            Input::Timer => {}
+        }
+        self.on_time(now);
+        self.tidy(now);
+        self.outbox.take_actions()
+    }
+
+    /// When [`Input::Timer`] is due.
+    #[must_use]
+    pub fn next_deadline(&self) -> MonoTime {
+        let online = || self.robots.values().filter(|robot| robot.is_online());
+        let clocks = online().filter_map(|robot| robot.next_clock);
+        let refreshes = online().filter_map(|robot| robot.next_refresh);
+        let groups = self.groups.values().filter_map(|group| group.next_deadline(&self.timers));
+        let stops = self.stops.values().map(StopOperation::next_deadline);
+        let others = clocks.chain(refreshes).chain(groups).chain(stops).min();
+        others.into_iter().fold(self.schedule.due(), MonoTime::min)
+    }
+
+    /// Whether nothing is in progress that a client or a robot waits for.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.groups.is_empty() && self.stops.is_empty() && self.resets.is_empty()
+    }
+
+    fn on_answer(&mut self, ask: AskId, result: Result<AgentAnswer, Denial>, now: MonoTime) {
+        let Some(Pending { robot, purpose, call }) = self.outbox.settle(ask) else { return };
+        self.learn(&robot, call, &result, now);
+        match purpose {
+            Purpose::Record => {}
+            Purpose::Stop(id) => {
+                if let Some(stop) = self.stops.get_mut(&id) {
+                    stop.on_answer(&robot);
+                }
+            }
+            Purpose::Reset(number) => {
+                if let Some(reset) = self.resets.get_mut(&number) {
+                    reset.on_answer(&robot, result, &mut self.outbox);
+                }
+            }
+            Purpose::Group(id) => {
+                let took_on =
+                    matches!(call, CallKind::Prepare | CallKind::Commit) && result.is_ok();
+                let found = self.with_group(id, now, |group, cx| {
+                    group.on_answer(&robot, call, result, cx);
+                });
+                if !found && took_on {
+                    // The motion is over; what the agent took on since must go as well.
+                    self.ask_for_record(&robot, AgentCall::Abort(id), REFRESH_TIMEOUT);
+                }
+            }
+        }
+    }
+
+    fn on_ending(&mut self, now: MonoTime) {
+        let message = format!("gateway of {} ends", self.cell);
+        self.outbox.record(now, own_happening(EventKind::Ending, Severity::Info, message));
+        // Nobody would watch them any more.
+        self.each_group(now, |group, cx| group.on_ending(cx));
+    }
+
+    const fn context(&mut self, now: MonoTime) -> Context<'_> {
+        Context { now, robots: &self.robots, timers: &self.timers, outbox: &mut self.outbox }
+    }
+
+    fn each_group(&mut self, now: MonoTime, mut act: impl FnMut(&mut Group, &mut Context<'_>)) {
+        let (robots, timers, outbox) = (&self.robots, &self.timers, &mut self.outbox);
+        let mut cx = Context { now, robots, timers, outbox };
+        for group in self.groups.values_mut() {
+            act(group, &mut cx);
+        }
+    }
+
+    /// Returns whether there is such a group.
+    fn with_group(
+        &mut self,
+        id: Uuid,
+        now: MonoTime,
+        act: impl FnOnce(&mut Group, &mut Context<'_>),
+    ) -> bool {
+        let (robots, timers, outbox) = (&self.robots, &self.timers, &mut self.outbox);
+        let Some(group) = self.groups.get_mut(&id) else { return false };
+        act(group, &mut Context { now, robots, timers, outbox });
+        true
+    }
+}
+
+/// An event of the gateway itself.
+fn own_happening(kind: EventKind, severity: Severity, message: String) -> Happening<'static> {
+    Happening { severity, kind, robot: None, message, details: Map::new() }
+}
+
+fn remember(ids: &mut VecDeque<Uuid>, id: Uuid) {
+    if ids.len() == REMEMBERED {
+        ids.pop_front();
+    }
+    ids.push_back(id);
+}

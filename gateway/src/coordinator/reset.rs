@@ -1,0 +1,130 @@
+//! A reset of latched stops: each robot is asked which stops hold it, and told to clear these.
+//!
+//! Stops that come in between are not cleared: the agent refuses a list that is not complete.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use armada_model::MonoTime;
+use armada_protocol::RobotName;
+use armada_protocol::messages::{CellResetAnswer, Denial, DenialCode, EventKind, Severity};
+use serde_json::Map;
+
+use super::io::{AgentAnswer, AgentCall, CellAnswer, Ticket};
+use super::outbox::{Happening, Outbox, Purpose, Question};
+use super::plan;
+use super::robot::RobotRecord;
+
+const STATUS_TIMEOUT: Duration = Duration::from_millis(1_000);
+const RESET_TIMEOUT: Duration = Duration::from_millis(2_000);
+
+#[derive(Debug)]
+pub(super) struct ResetOperation {
+    number: u64,
+    client: String,
+    ticket: Option<Ticket>,
+    /// Robots whose agents have not answered yet.
+    waiting: BTreeSet<RobotName>,
+    answer: CellResetAnswer,
+}
+
+impl ResetOperation {
+    /// Begins with every robot in `wanted`, or all of `robots` if that is empty.
+    pub(super) fn begin(
+        number: u64,
+        ticket: Ticket,
+        client: String,
+        wanted: Vec<RobotName>,
+        robots: &BTreeMap<RobotName, RobotRecord>,
+        outbox: &mut Outbox,
+    ) -> Self {
+        let answer = CellResetAnswer { reset: Vec::new(), refused: Vec::new() };
+        let waiting = BTreeSet::new();
+        let mut reset = Self { number, client, ticket: Some(ticket), waiting, answer };
+        let wanted: BTreeSet<_> = if wanted.is_empty() {
+            robots.keys().cloned().collect()
+        } else {
+            wanted.into_iter().collect()
+        };
+        for robot in wanted {
+            match robots.get(&robot) {
+                None => {
+                    let denial =
+                        plan::of(&robot, DenialCode::InvalidArgument, "the cell has no such robot");
+                    reset.answer.refused.push((robot, denial));
+                }
+                Some(record) if !record.is_online() => {
+                    let denial = plan::offline(&robot);
+                    reset.answer.refused.push((robot, denial));
+                }
+                Some(_) => {
+                    reset.ask(&robot, AgentCall::Status, STATUS_TIMEOUT, outbox);
+                    reset.waiting.insert(robot);
+                }
+            }
+        }
+        reset
+    }
+
+    pub(super) const fn is_over(&self) -> bool {
+        self.ticket.is_none()
+    }
+
+    pub(super) fn on_answer(
+        &mut self,
+        robot: &RobotName,
+        result: Result<AgentAnswer, Denial>,
+        outbox: &mut Outbox,
+    ) {
+        if !self.waiting.contains(robot) {
+            return;
+        }
+        match result {
+            Ok(AgentAnswer::Status(status)) => {
+                let stops = status.stop.map(|latch| latch.stops).unwrap_or_default();
+                let ids: Vec<_> = stops.iter().map(|stop| stop.stop_id).collect();
+                if ids.is_empty() {
+                    self.waiting.remove(robot);
+                    self.answer.reset.push((robot.clone(), ids));
+                } else {
+                    self.ask(robot, AgentCall::Reset(ids), RESET_TIMEOUT, outbox);
+                }
+            }
+            Ok(AgentAnswer::Reset(answer)) => {
+                self.waiting.remove(robot);
+                self.answer.reset.push((robot.clone(), answer.cleared));
+            }
+            Ok(_) => {}
+            Err(denial) => {
+                self.waiting.remove(robot);
+                self.answer.refused.push((robot.clone(), plan::by(robot, denial)));
+            }
+        }
+    }
+
+    /// Answers the client once every robot has answered.
+    pub(super) fn conclude(&mut self, now: MonoTime, outbox: &mut Outbox) {
+        if !self.waiting.is_empty() {
+            return;
+        }
+        let Some(ticket) = self.ticket.take() else { return };
+        self.answer.reset.sort_by(|a, b| a.0.cmp(&b.0));
+        self.answer.refused.sort_by(|a, b| a.0.cmp(&b.0));
+        let names = |robots: Vec<&RobotName>| {
+            robots.into_iter().map(RobotName::as_str).collect::<Vec<_>>().join(", ")
+        };
+        let reset = names(self.answer.reset.iter().map(|(robot, _)| robot).collect());
+        let refused = names(self.answer.refused.iter().map(|(robot, _)| robot).collect());
+        let severity =
+            if self.answer.refused.is_empty() { Severity::Info } else { Severity::Warning };
+        let message = format!("{} reset [{reset}], refused by [{refused}]", self.client);
+        let (kind, details) = (EventKind::Reset, Map::new());
+        outbox.record(now, Happening { severity, kind, robot: None, message, details });
+        outbox.answer(ticket, Ok(CellAnswer::Reset(self.answer.clone())));
+    }
+
+    fn ask(&self, robot: &RobotName, call: AgentCall, timeout: Duration, outbox: &mut Outbox) {
+        let (client, purpose) = (self.client.as_str(), Purpose::Reset(self.number));
+        outbox.ask(Question { robot, client, call, timeout, purpose });
+    }
+}
