@@ -61,6 +61,22 @@ fn a_request_that_comes_late_and_again_is_done_once() {
 }
 
 #[test]
+fn a_late_request_to_the_run_before_is_not_done() {
+    let mut pair = Pair::new(quiet());
+    pair.run(0.1);
+    pair.driver.request(pair.now, DriverRequest::Enable);
+    let mut buffer = [0; MAX_PACKET];
+    let late = pair.driver.poll_transmit(pair.now, &mut buffer).expect("the request");
+    pair.emulator = config(quiet()).emulator(&setup(33)).expect("emulator");
+    pair.run(0.3);
+    let dropped = pair.emulator.counters().out_of_order;
+    pair.emulator.receive(pair.now, 0, pair.peer, &buffer[..late.len]);
+    assert_eq!(pair.emulator.counters().out_of_order, dropped + 1);
+    pair.run(0.5);
+    assert!(!pair.feedback().enabled);
+}
+
+#[test]
 fn a_controller_that_restarts_is_found_again_and_nothing_old_is_done_to_it() {
     let mut pair = Pair::enabled(quiet());
     pair.command(0.2, |t| [(0.2 * t, 0.2), (0.0, 0.0)]);

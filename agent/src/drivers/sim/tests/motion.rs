@@ -134,6 +134,22 @@ fn a_set_point_past_a_limit_is_an_error_and_the_way_back_is_free() {
 }
 
 #[test]
+fn a_joint_too_fast_to_stop_before_its_limit_is_an_error_and_hits_the_stop_at_most() {
+    let mut emulator = quiet();
+    emulator.initial_rad.insert("turn".into(), 2.5);
+    let mut pair = Pair::enabled(emulator);
+    pair.command(1.0, |t| {
+        // Every set-point keeps the limit of 3 rad, but the last step is from 1 rad/s to rest.
+        let ramped = t.min(0.2);
+        let position = 2.5 + 2.5 * ramped * ramped + (t - ramped);
+        [(position.min(3.0), if position < 3.0 { 5.0 * ramped } else { 0.0 }), (0.0, 0.0)]
+    });
+    assert_eq!(pair.feedback().error_code, error_code::JOINT_LIMIT);
+    assert!(!pair.feedback().enabled);
+    assert!((3.001..=3.05).contains(&pair.position()), "at {}", pair.position());
+}
+
+#[test]
 fn a_set_point_far_away_is_a_following_error() {
     let mut pair = Pair::enabled(quiet());
     pair.command(0.05, |_| [(0.51, 0.0), (0.0, 0.0)]);
