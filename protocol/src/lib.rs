@@ -5,6 +5,7 @@
 //! codec                    messages <-> bytes
 //! session                  a Zenoh session set up for a role
 //! generated                KEYS.md and keys.json from the tables
+//! publish                  the sending end of published keys
 //! serve                    the answering end, for agent and gateway
 //! client                   the asking end, for programs
 //! ```
@@ -19,6 +20,7 @@ pub mod generated;
 pub mod keys;
 pub mod messages;
 pub mod method;
+pub mod publish;
 pub mod qos;
 mod robot_name;
 pub mod serve;

@@ -1,0 +1,118 @@
+//! The sending end of published keys, with the urgency that the table of keys gives them.
+
+use std::time::Duration;
+
+use serde::Serialize;
+use zenoh::pubsub::Publisher;
+use zenoh::sample::Locality;
+use zenoh::{Session, Wait};
+use zenoh_ext::{
+    AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig,
+};
+
+use crate::codec::{CodecError, WireEncoding};
+use crate::qos::Channel;
+
+/// How often a publisher of kept samples tells the newest number, so that a gap is noticed.
+const GAP_HEARTBEAT: Duration = Duration::from_millis(500);
+
+/// Why a message was not published.
+#[derive(Debug, thiserror::Error)]
+pub enum PublishError {
+    /// It cannot be encoded.
+    #[error(transparent)]
+    Codec(#[from] CodecError),
+    /// Zenoh refuses it: the session is closed.
+    #[error("zenoh: {0}")]
+    Zenoh(String),
+}
+
+/// Publishes samples of which the newest counts.
+#[derive(Debug)]
+pub struct Latest {
+    publisher: Publisher<'static>,
+    encoding: WireEncoding,
+}
+
+impl Latest {
+    /// A publisher at `key`.
+    ///
+    /// # Errors
+    /// Zenoh's error if it cannot be declared.
+    pub async fn declare(
+        session: &Session,
+        key: String,
+        channel: Channel,
+        encoding: WireEncoding,
+    ) -> zenoh::Result<Self> {
+        let publisher = session
+            .declare_publisher(key)
+            .priority(channel.priority())
+            .congestion_control(channel.congestion_control())
+            .express(channel.express())
+            .encoding(encoding.to_zenoh())
+            // A subscriber of the same session would run inside `put`, in the caller's thread.
+            .allowed_destination(Locality::Remote)
+            .await?;
+        Ok(Self { publisher, encoding })
+    }
+
+    /// Publishes a message; never waits for the network.
+    ///
+    /// # Errors
+    /// [`PublishError`].
+    pub fn put<T: Serialize>(&self, message: &T) -> Result<(), PublishError> {
+        let bytes = self.encoding.encode(message)?;
+        self.publisher.put(bytes).wait().map_err(|error| PublishError::Zenoh(error.to_string()))
+    }
+
+    /// Whether anybody subscribes now, so that work for nobody can be left out.
+    #[must_use]
+    pub fn has_subscribers(&self) -> bool {
+        self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
+    }
+}
+
+/// Publishes samples that late joiners get and whose gaps are noticed.
+#[derive(Debug)]
+pub struct Cached {
+    publisher: AdvancedPublisher<'static>,
+    encoding: WireEncoding,
+}
+
+impl Cached {
+    /// A publisher at `key` that keeps the last `samples`.
+    ///
+    /// # Errors
+    /// Zenoh's error if it cannot be declared.
+    pub async fn declare(
+        session: &Session,
+        key: String,
+        channel: Channel,
+        samples: usize,
+    ) -> zenoh::Result<Self> {
+        let encoding = WireEncoding::Json;
+        let publisher = session
+            .declare_publisher(key)
+            .priority(channel.priority())
+            .congestion_control(channel.congestion_control())
+            .express(channel.express())
+            .encoding(encoding.to_zenoh())
+            .advanced()
+            .allowed_destination(Locality::Remote)
+            .cache(CacheConfig::default().max_samples(samples))
+            .sample_miss_detection(MissDetectionConfig::default().heartbeat(GAP_HEARTBEAT))
+            .publisher_detection()
+            .await?;
+        Ok(Self { publisher, encoding })
+    }
+
+    /// Publishes a message.
+    ///
+    /// # Errors
+    /// [`PublishError`].
+    pub async fn put<T: Serialize>(&self, message: &T) -> Result<(), PublishError> {
+        let bytes = self.encoding.encode(message)?;
+        self.publisher.put(bytes).await.map_err(|error| PublishError::Zenoh(error.to_string()))
+    }
+}
