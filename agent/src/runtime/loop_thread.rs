@@ -1,0 +1,179 @@
+//! The control loop's thread: packets in, one step, packets out, at absolute deadlines.
+//!
+//! A late wake-up runs one tick for the newest deadline that has passed and skips those before,
+//! so the phase is kept and set-points stay one period apart: the motion is delayed, never
+//! hurried. A step that panics is counted, told to the next step as a loop error, and sends
+//! nothing; the controller's own watchdog covers a loop that panics again and again.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{Builder, JoinHandle, Thread};
+use std::time::Duration;
+use std::{io, mem};
+
+use armada_model::MonoTime;
+use arrayvec::ArrayVec;
+
+use super::clock::{monotonic, sleep_until};
+use super::link::Link;
+use super::mailbox::{Latest, LoopEnd};
+use super::meter::Meter;
+use super::realtime::{self, RealtimeReport};
+use super::stop_gate::StopGate;
+use crate::config::RealtimeConfig;
+use crate::control::{Input, LoopState, Output, Params, step};
+use crate::drivers::{Driver, Pacing};
+
+/// Everything the loop thread owns or shares.
+pub(super) struct LoopThread {
+    pub(super) name: String,
+    pub(super) params: Params,
+    pub(super) state: LoopState,
+    pub(super) driver: Box<dyn Driver>,
+    pub(super) link: Link,
+    pub(super) mailbox: LoopEnd,
+    pub(super) gate: Arc<StopGate>,
+    pub(super) meter: Arc<Meter>,
+    pub(super) realtime: RealtimeConfig,
+    /// A sample of the state falls due every so many ticks.
+    pub(super) ticks_per_sample: u64,
+    /// Woken when there is something to publish.
+    pub(super) publisher: Thread,
+    pub(super) shutdown: Arc<AtomicBool>,
+}
+
+/// A running loop.
+pub(super) struct RunningLoop {
+    pub(super) thread: JoinHandle<()>,
+    pub(super) realtime: RealtimeReport,
+}
+
+impl LoopThread {
+    /// Starts the thread and waits until it has set up its scheduling.
+    pub(super) fn start(mut self) -> io::Result<RunningLoop> {
+        let (report, reported) = std::sync::mpsc::sync_channel(1);
+        let thread = Builder::new().name(format!("loop-{}", self.name)).spawn(move || {
+            let realtime = realtime::enter(&self.realtime);
+            // The starter waits for it; if it has gone there is nobody to tell.
+            let _ = report.send(realtime);
+            self.run();
+        })?;
+        let realtime = reported.recv().unwrap_or_default();
+        Ok(RunningLoop { thread, realtime })
+    }
+
+    fn run(&mut self) {
+        let Pacing::Every(period) = self.driver.pacing();
+        let mut deadline = monotonic() + period;
+        let mut loop_error = false;
+        let mut due = Due { every: self.ticks_per_sample, left: self.ticks_per_sample, count: 0 };
+        while !self.shutdown.load(Ordering::Relaxed) {
+            sleep_until(deadline);
+            let woke = monotonic();
+            let missed = whole_periods(woke.saturating_since(deadline), period);
+            let tick = deadline + period * u32::try_from(missed).unwrap_or(u32::MAX);
+            self.meter.count_tick(woke.saturating_since(deadline), missed);
+            loop_error = !self.tick(woke, tick, loop_error, &mut due);
+            deadline = tick + period;
+            if monotonic() > deadline {
+                self.meter.overruns.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// One tick; returns whether the step ran to its end.
+    fn tick(
+        &mut self,
+        woke: MonoTime,
+        deadline: MonoTime,
+        loop_error: bool,
+        due: &mut Due,
+    ) -> bool {
+        let driver = &mut self.driver;
+        self.link.receive(|endpoint, _, bytes| driver.receive(woke, endpoint, bytes));
+        let mut input = Input {
+            now: deadline,
+            feedback: driver.feedback().copied(),
+            stop: self.gate.level(),
+            loop_error,
+            requests: ArrayVec::new(),
+        };
+        while !input.requests.is_full()
+            && let Ok(request) = self.mailbox.requests.pop()
+        {
+            input.requests.push(request);
+        }
+        let (params, state) = (&self.params, &mut self.state);
+        let result = catch_unwind(AssertUnwindSafe(|| step(params, state, &mut input)));
+        // A panic may leave requests; they are not freed here but forgotten with their tickets,
+        // which time out.
+        mem::forget(input);
+        let Ok(output) = result else {
+            self.meter.panics.fetch_add(1, Ordering::Relaxed);
+            return false;
+        };
+        self.send(woke, &output);
+        self.report(output, due);
+        true
+    }
+
+    fn send(&mut self, now: MonoTime, output: &Output) {
+        let driver = &mut self.driver;
+        if let Some(request) = output.driver_request {
+            driver.request(now, request);
+        }
+        if let Some(set_point) = &output.command {
+            driver.command(now, set_point);
+        }
+        self.link.transmit(|buffer| driver.poll_transmit(now, buffer));
+        let counters = driver.counters();
+        self.meter.malformed_packets.store(counters.malformed, Ordering::Relaxed);
+    }
+
+    fn report(&mut self, output: Output, due: &mut Due) {
+        let sample = due.tick();
+        let said = monotonic();
+        let something = sample || !output.events.is_empty() || !output.retired.is_empty();
+        for event in output.events {
+            if self.mailbox.events.push((said, event)).is_err() {
+                self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        for trajectory in output.retired {
+            if let Err(rtrb::PushError::Full(trajectory)) = self.mailbox.retired.push(trajectory) {
+                // Freeing it would take the allocator's lock in the loop; losing it is cheaper.
+                mem::forget(trajectory);
+            }
+        }
+        let limited = output.snapshot.limited_setpoints;
+        self.meter.limited_setpoints.store(limited, Ordering::Relaxed);
+        if something {
+            self.mailbox.latest.write(Latest { snapshot: output.snapshot, due: due.count });
+            self.publisher.unpark();
+        }
+    }
+}
+
+/// When samples of the state fall due.
+struct Due {
+    every: u64,
+    left: u64,
+    count: u64,
+}
+
+impl Due {
+    const fn tick(&mut self) -> bool {
+        self.left -= 1;
+        if self.left > 0 {
+            return false;
+        }
+        self.left = self.every;
+        self.count += 1;
+        true
+    }
+}
+
+fn whole_periods(time: Duration, period: Duration) -> u64 {
+    u64::try_from(time.as_nanos() / period.as_nanos().max(1)).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,53 @@
+//! What lies between the loop thread and the rest: wait-free queues and the latest snapshot.
+
+use std::sync::Arc;
+
+use armada_model::{CompiledTrajectory, MonoTime};
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::control::{LoopEvent, LoopRequest, Snapshot};
+
+/// Requests on their way to the loop; more are refused as busy.
+const REQUESTS: usize = 256;
+/// Events on their way from the loop: some seconds of the busiest loop.
+const EVENTS: usize = 4096;
+/// Trajectories on their way to be freed.
+const RETIRED: usize = 256;
+
+/// An event with the time the loop said it, after its set-point had gone out.
+pub(super) type StampedEvent = (MonoTime, LoopEvent);
+
+/// The latest snapshot, and how many samples of the state have fallen due.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Latest {
+    pub(super) snapshot: Snapshot,
+    pub(super) due: u64,
+}
+
+/// The loop's end.
+pub(super) struct LoopEnd {
+    pub(super) requests: Consumer<LoopRequest>,
+    pub(super) events: Producer<StampedEvent>,
+    pub(super) retired: Producer<Arc<CompiledTrajectory>>,
+    pub(super) latest: triple_buffer::Input<Latest>,
+}
+
+/// The publisher's end.
+pub(super) struct PublisherEnd {
+    pub(super) events: Consumer<StampedEvent>,
+    pub(super) retired: Consumer<Arc<CompiledTrajectory>>,
+    pub(super) latest: triple_buffer::Output<Latest>,
+}
+
+/// Makes both ends and the queue for requests; `first` is seen before the first tick.
+pub(super) fn mailbox(first: Snapshot) -> (LoopEnd, PublisherEnd, Producer<LoopRequest>) {
+    let (request_in, requests) = RingBuffer::new(REQUESTS);
+    let (events, event_out) = RingBuffer::new(EVENTS);
+    let (retired, retired_out) = RingBuffer::new(RETIRED);
+    let (latest, latest_out) = triple_buffer::triple_buffer(&Latest { snapshot: first, due: 0 });
+    (
+        LoopEnd { requests, events, retired, latest },
+        PublisherEnd { events: event_out, retired: retired_out, latest: latest_out },
+        request_in,
+    )
+}

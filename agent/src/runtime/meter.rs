@@ -1,0 +1,78 @@
+//! Timing of the loop, written by the loop thread and read by the rest.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use armada_model::MonoTime;
+use armada_protocol::messages::{LoopStatistics, SchedulingPolicy};
+
+/// Counters of the loop thread.
+#[derive(Debug, Default)]
+pub(super) struct Meter {
+    pub(super) ticks: AtomicU64,
+    pub(super) overruns: AtomicU64,
+    pub(super) missed_periods: AtomicU64,
+    pub(super) limited_setpoints: AtomicU64,
+    /// Ticks whose step panicked.
+    pub(super) panics: AtomicU64,
+    /// Events that found the queue to the publisher full.
+    pub(super) lost_events: AtomicU64,
+    /// Latest wake-up after its deadline since it was last read \[ns\].
+    worst_wake_ns: AtomicU64,
+    /// Packets from the controller that could not be read.
+    pub(super) malformed_packets: AtomicU64,
+}
+
+impl Meter {
+    /// Counts one tick that woke `late` after its deadline, `missed` periods after the one before.
+    pub(super) fn count_tick(&self, late: Duration, missed: u64) {
+        self.ticks.fetch_add(1, Ordering::Relaxed);
+        self.missed_periods.fetch_add(missed, Ordering::Relaxed);
+        let late = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
+        self.worst_wake_ns.fetch_max(late, Ordering::Relaxed);
+    }
+}
+
+/// Turns the counters into statistics over about a second.
+#[derive(Debug)]
+pub(super) struct MeterReader {
+    target_rate_hz: f64,
+    scheduling: SchedulingPolicy,
+    read_at: MonoTime,
+    ticks_then: u64,
+    statistics: LoopStatistics,
+}
+
+impl MeterReader {
+    pub(super) fn new(period: Duration, scheduling: SchedulingPolicy, now: MonoTime) -> Self {
+        Self {
+            target_rate_hz: 1.0 / period.as_secs_f64(),
+            scheduling,
+            read_at: now,
+            ticks_then: 0,
+            statistics: LoopStatistics::default(),
+        }
+    }
+
+    /// The statistics now; rate and worst wake-up are of the last full second.
+    #[expect(clippy::cast_precision_loss, reason = "tick counts stay far below 2^52")]
+    pub(super) fn read(&mut self, meter: &Meter, now: MonoTime) -> LoopStatistics {
+        let ticks = meter.ticks.load(Ordering::Relaxed);
+        let elapsed = now.saturating_since(self.read_at).as_secs_f64();
+        if elapsed >= 1.0 {
+            self.statistics.rate_hz = (ticks - self.ticks_then) as f64 / elapsed;
+            let worst = meter.worst_wake_ns.swap(0, Ordering::Relaxed);
+            self.statistics.worst_wake_us = worst as f64 / 1e3;
+            (self.ticks_then, self.read_at) = (ticks, now);
+        }
+        LoopStatistics {
+            ticks,
+            target_rate_hz: self.target_rate_hz,
+            overruns: meter.overruns.load(Ordering::Relaxed),
+            missed_periods: meter.missed_periods.load(Ordering::Relaxed),
+            limited_setpoints: meter.limited_setpoints.load(Ordering::Relaxed),
+            scheduling: self.scheduling,
+            ..self.statistics
+        }
+    }
+}
