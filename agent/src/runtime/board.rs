@@ -1,0 +1,189 @@
+//! What the agent knows of its robot, outside the loop thread.
+//!
+//! Behind one lock that is held for moments only; neither the loop nor the stop's callback takes
+//! it. The desk writes it from the loop's events, requests and queries read it.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use armada_model::MonoTime;
+use armada_protocol::messages::{
+    CommandMode, DenialCode, Fault, FaultCode, LatchedStop, LoopStatistics, RobotFlags,
+    RobotStatus, StopLatch, StopLevel, StopStage,
+};
+use uuid::Uuid;
+
+use super::motion_log::MotionLog;
+use super::words::Vocabulary;
+use crate::control::{Granted, Refusal, Snapshot};
+use tokio::sync::oneshot;
+
+/// The board behind its lock.
+#[derive(Debug)]
+pub(super) struct SharedBoard(Mutex<Board>);
+
+impl SharedBoard {
+    pub(super) const fn new(board: Board) -> Self {
+        Self(Mutex::new(board))
+    }
+
+    /// The board; one that was left by a panic is still the best there is.
+    pub(super) fn lock(&self) -> MutexGuard<'_, Board> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What is known of the robot.
+#[derive(Debug)]
+pub(super) struct Board {
+    pub(super) vocabulary: Vocabulary,
+    pub(super) boot_id: Uuid,
+    pub(super) snapshot: Snapshot,
+    pub(super) motions: MotionLog,
+    pub(super) faults: Vec<Fault>,
+    pub(super) stop: Option<StopRecord>,
+    /// Stages the loop has reported since the gate was closed, with their times.
+    pub(super) stages: Vec<(StopStage, MonoTime)>,
+    pub(super) statistics: LoopStatistics,
+    /// Steps that panicked, which the loop itself may be unable to tell.
+    pub(super) panics: u64,
+    pub(super) dropped: BTreeMap<String, u64>,
+    pub(super) status_seqno: u64,
+    /// Askers that wait for an answer of the loop.
+    pub(super) tickets: HashMap<u64, oneshot::Sender<Result<Granted, Refusal>>>,
+    pub(super) next_ticket: u64,
+}
+
+/// A latched stop as the agent knows it.
+#[derive(Debug)]
+pub(super) struct StopRecord {
+    pub(super) level: StopLevel,
+    pub(super) stops: Vec<ReceivedStop>,
+    pub(super) stage: StopStage,
+    /// Names the state of the gate that a reset may open.
+    pub(super) gate_count: u64,
+}
+
+/// One stop of a [`StopRecord`].
+#[derive(Clone, Debug)]
+pub(super) struct ReceivedStop {
+    pub(super) stop: LatchedStop,
+    pub(super) received: MonoTime,
+}
+
+impl Board {
+    /// A board on which nothing is known yet.
+    pub(super) fn new(vocabulary: Vocabulary, boot_id: Uuid, snapshot: Snapshot) -> Self {
+        Self {
+            vocabulary,
+            boot_id,
+            snapshot,
+            motions: MotionLog::default(),
+            faults: Vec::new(),
+            stop: None,
+            stages: Vec::new(),
+            statistics: LoopStatistics::default(),
+            panics: 0,
+            dropped: BTreeMap::new(),
+            status_seqno: 0,
+            tickets: HashMap::new(),
+            next_ticket: 1,
+        }
+    }
+
+    /// Counts something that was dropped or refused.
+    pub(super) fn count_dropped(&mut self, what: &str) {
+        match self.dropped.get_mut(what) {
+            Some(count) => *count += 1,
+            None => {
+                self.dropped.insert(what.to_owned(), 1);
+            }
+        }
+    }
+
+    /// Counts a refused request by its code.
+    pub(super) fn count_denied(&mut self, code: DenialCode) {
+        self.count_dropped(&format!("denied_{code}"));
+    }
+
+    /// A place for the loop's answer, with the ticket that leads to it.
+    pub(super) fn take_ticket(&mut self) -> (u64, oneshot::Receiver<Result<Granted, Refusal>>) {
+        let (answer, answered) = oneshot::channel();
+        let ticket = self.next_ticket;
+        self.next_ticket += 1;
+        self.tickets.insert(ticket, answer);
+        (ticket, answered)
+    }
+
+    /// The status to publish or to answer with.
+    pub(super) fn status(&mut self, now: MonoTime) -> RobotStatus {
+        self.status_seqno += 1;
+        let snapshot = &self.snapshot;
+        RobotStatus {
+            robot: self.vocabulary.robot.clone(),
+            boot_id: self.boot_id,
+            seqno: self.status_seqno,
+            stamp_ns: now,
+            epoch: snapshot.epoch,
+            command_mode: snapshot.command_mode,
+            operational_mode: snapshot.operational_mode,
+            controller_state: snapshot.controller_state,
+            flags: snapshot.flags,
+            stop: self.stop.as_ref().map(StopRecord::latch),
+            faults: self.all_faults(),
+            lease: None,
+            motion: self.motions.current().cloned(),
+            control_loop: self.statistics,
+            dropped: self.dropped.iter().map(|(what, count)| (what.clone(), *count)).collect(),
+            next: self.next_steps(),
+        }
+    }
+
+    fn all_faults(&self) -> Vec<Fault> {
+        let mut faults = self.faults.clone();
+        let told = faults.iter().any(|fault| fault.code == FaultCode::LoopError);
+        if self.panics > 0 && !told {
+            faults.push(Fault {
+                code: FaultCode::LoopError,
+                message: format!("{} steps of the control loop panicked", self.panics),
+                since_ns: self.snapshot.stamp,
+            });
+        }
+        faults
+    }
+
+    /// What a person may do next.
+    fn next_steps(&self) -> Vec<String> {
+        let robot = &self.vocabulary.robot;
+        let flags = self.snapshot.flags;
+        let mut next = Vec::new();
+        if self.stop.is_some() {
+            next.push(format!("see that it is safe, then: armada reset {robot}"));
+        }
+        if flags.contains(RobotFlags::COMMUNICATION_FAILURE) {
+            next.push("check that the controller runs and its address is right".to_owned());
+        }
+        if !self.faults.is_empty() {
+            next.push(format!("put the faults right, then: armada reset-errors {robot}"));
+        }
+        if !next.is_empty() {
+            return next;
+        }
+        if !flags.contains(RobotFlags::ENABLED) {
+            return vec![format!("switch the drives on: armada enable {robot}")];
+        }
+        match self.snapshot.command_mode {
+            CommandMode::Halt => vec!["set a mode and move, or: armada move".to_owned()],
+            CommandMode::Jog => vec!["jog_freespace, or set mode halt".to_owned()],
+            CommandMode::Trajectory => vec!["execute_trajectory, or set mode halt".to_owned()],
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl StopRecord {
+    fn latch(&self) -> StopLatch {
+        let stops = self.stops.iter().map(|received| received.stop.clone()).collect();
+        StopLatch { level: self.level, stops, stage: self.stage }
+    }
+}

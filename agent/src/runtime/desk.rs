@@ -1,0 +1,357 @@
+//! The task that turns what the loop and the stop keys say into messages.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use armada_model::MonoTime;
+use armada_protocol::codec::WireEncoding;
+use armada_protocol::keys;
+use armada_protocol::messages::{
+    Event, EventKind, LatchedStop, MotionStatus, Severity, StopAck, StopStage,
+};
+use armada_protocol::publish::{Cached, Latest};
+use armada_protocol::qos::Channel;
+use armada_protocol::serve;
+use serde_json::{Map, Value, json};
+use tokio::sync::{mpsc, watch};
+use tokio::time::MissedTickBehavior;
+use tracing::{debug, info, warn};
+use uuid::Uuid;
+use zenoh::Session;
+use zenoh::query::Query;
+
+use super::board::{Board, ReceivedStop, SharedBoard, StopRecord};
+use super::clock::{monotonic, utc_ns};
+use super::mailbox::StampedEvent;
+use super::meter::{Meter, MeterReader};
+use super::stop_intake::IncomingStop;
+use super::words::name;
+use crate::control::LoopEvent;
+
+/// How often progress of a motion is published.
+const PROGRESS: Duration = Duration::from_millis(100);
+/// The status is published at least every so many periods of [`PROGRESS`].
+const STATUS_EVERY: u32 = 10;
+
+/// What happened, from outside the loop, to be recorded as an event.
+#[derive(Debug)]
+pub(super) struct Remark {
+    pub(super) severity: Severity,
+    pub(super) kind: EventKind,
+    pub(super) message: String,
+    pub(super) details: Map<String, Value>,
+}
+
+/// The senders of the desk.
+pub(super) struct Desk {
+    pub(super) session: Session,
+    pub(super) board: Arc<SharedBoard>,
+    pub(super) meter: Arc<Meter>,
+    pub(super) reader: MeterReader,
+    pub(super) status: Cached,
+    pub(super) events: Cached,
+    pub(super) stop_acks: Latest,
+    pub(super) boot_id: Uuid,
+    pub(super) event_seqno: u64,
+    /// Counts the resets that have reached the loop.
+    pub(super) cleared: watch::Sender<u64>,
+}
+
+/// What the desk listens to.
+pub(super) struct Inboxes {
+    pub(super) loop_events: mpsc::Receiver<StampedEvent>,
+    pub(super) stops: mpsc::Receiver<IncomingStop>,
+    pub(super) remarks: mpsc::Receiver<Remark>,
+}
+
+impl Desk {
+    /// Works until the loop's events end.
+    pub(super) async fn run(mut self, mut inboxes: Inboxes) {
+        let mut clock = tokio::time::interval(PROGRESS);
+        clock.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut beats = 0;
+        loop {
+            tokio::select! {
+                biased;
+                Some(stop) = inboxes.stops.recv() => self.take_stop(stop).await,
+                event = inboxes.loop_events.recv() => match event {
+                    Some((stamp, event)) => self.take_event(stamp, event).await,
+                    None => break,
+                },
+                Some(remark) = inboxes.remarks.recv() => self.remark(remark).await,
+                _ = clock.tick() => {
+                    self.progress().await;
+                    beats += 1;
+                    if beats % STATUS_EVERY == 0 {
+                        self.publish_status().await;
+                    }
+                }
+            }
+        }
+        while let Ok(remark) = inboxes.remarks.try_recv() {
+            self.remark(remark).await;
+        }
+    }
+
+    async fn take_event(&mut self, stamp: MonoTime, event: LoopEvent) {
+        match event {
+            LoopEvent::Answer { ticket, result } => {
+                let asker = self.board.lock().tickets.remove(&ticket);
+                // An asker that gave up has been told so already.
+                if let Some(asker) = asker {
+                    let _ = asker.send(result);
+                }
+                return;
+            }
+            LoopEvent::Mode { from, to } => {
+                let message = format!("mode {} -> {}", name(from), name(to));
+                info!(from = ?from, to = ?to, "mode changed");
+                let details = map(json!({ "from": name(from), "to": name(to) }));
+                self.event(stamp, Severity::Info, EventKind::ModeChanged, message, details).await;
+            }
+            LoopEvent::Motion(report) => self.take_motion(stamp, &report).await,
+            LoopEvent::FaultLatched(fault) => {
+                let fault = self.board.lock().vocabulary.fault(&fault);
+                warn!(code = ?fault.code, message = %fault.message, "fault latched");
+                self.board.lock().faults.push(fault.clone());
+                let details = map(json!({ "code": fault.code }));
+                self.event(stamp, Severity::Error, EventKind::FaultLatched, fault.message, details)
+                    .await;
+            }
+            LoopEvent::FaultsCleared => {
+                self.board.lock().faults.clear();
+                info!("faults cleared");
+                let message = "faults cleared".to_owned();
+                self.event(stamp, Severity::Info, EventKind::FaultsCleared, message, Map::new())
+                    .await;
+            }
+            LoopEvent::StopStage(stage) => self.take_stage(stamp, stage).await,
+            LoopEvent::StopCleared => {
+                info!("stop reset");
+                self.cleared.send_modify(|count| *count += 1);
+                let message = "stop reset: nothing moves, nothing was enabled".to_owned();
+                self.event(stamp, Severity::Info, EventKind::Reset, message, Map::new()).await;
+            }
+        }
+        self.publish_status().await;
+    }
+
+    async fn take_motion(&mut self, stamp: MonoTime, report: &crate::control::MotionReport) {
+        let status = {
+            let mut board = self.board.lock();
+            let reason = report.reason.as_ref().map(|refusal| board.vocabulary.denial(refusal));
+            board.motions.take(stamp, report, reason)
+        };
+        let Some(status) = status else { return };
+        self.publish_motion(&status).await;
+        if status.status.is_terminal() {
+            info!(motion = %status.id, status = ?status.status, "motion ended");
+            let why =
+                status.reason.as_ref().map(|d| format!(": {}", d.message)).unwrap_or_default();
+            let message = format!("motion {:?}{why}", status.status).to_lowercase();
+            let details = map(json!({ "id": status.id, "status": status.status }));
+            let severity = match status.status {
+                armada_protocol::messages::ActionStatus::Failed => Severity::Warning,
+                _ => Severity::Info,
+            };
+            self.event(stamp, severity, EventKind::MotionEnded, message, details).await;
+        }
+    }
+
+    /// Records a stop whose gate is closed already, and acknowledges what has been reached.
+    async fn take_stop(&mut self, stop: IncomingStop) {
+        let IncomingStop { request, received, closing, readable, query } = stop;
+        let (acks, is_new) = {
+            let mut board = self.board.lock();
+            if !readable {
+                board.count_dropped("unreadable_stop");
+            }
+            let latched = LatchedStop {
+                stop_id: request.stop_id,
+                source: request.source.clone(),
+                level: request.level,
+                reason: request.reason.clone(),
+            };
+            record_stop(&mut board, latched, received, closing)
+        };
+        for ack in &acks {
+            self.acknowledge(ack);
+        }
+        if let (Some(query), Some(highest)) = (query, acks.last()) {
+            self.answer(&query, highest).await;
+        }
+        if is_new {
+            warn!(stop_id = %request.stop_id, source = %request.source, level = ?request.level, "stop");
+            let message =
+                format!("stop {:?} by {}: {}", request.level, request.source, request.reason);
+            let details = map(json!({ "stop_id": request.stop_id, "level": request.level }));
+            self.event(received, Severity::Warning, EventKind::Stop, message, details).await;
+            self.publish_status().await;
+        }
+    }
+
+    async fn take_stage(&mut self, stamp: MonoTime, stage: StopStage) {
+        let acks = {
+            let mut board = self.board.lock();
+            board.stages.push((stage, stamp));
+            match &mut board.stop {
+                Some(record) => {
+                    record.stage = stage;
+                    let stops = record.stops.clone();
+                    stops.iter().map(|stop| ack(&board, stop, stage, stamp)).collect::<Vec<_>>()
+                }
+                None => Vec::new(),
+            }
+        };
+        for ack in &acks {
+            self.acknowledge(ack);
+        }
+        info!(?stage, "stop");
+        let message = format!("stop reached {stage:?}").to_lowercase();
+        let details = map(json!({ "stage": stage }));
+        self.event(stamp, Severity::Info, EventKind::Stop, message, details).await;
+    }
+
+    async fn remark(&mut self, remark: Remark) {
+        let Remark { severity, kind, message, details } = remark;
+        self.event(monotonic(), severity, kind, message, details).await;
+        self.publish_status().await;
+    }
+
+    async fn progress(&mut self) {
+        let now = monotonic();
+        let statistics = self.reader.read(&self.meter, now);
+        let status = {
+            let mut board = self.board.lock();
+            board.statistics = statistics;
+            board.panics = self.meter.panics.load(Ordering::Relaxed);
+            let malformed = self.meter.malformed_packets.load(Ordering::Relaxed);
+            if malformed > 0 {
+                board.dropped.insert("malformed_packet".to_owned(), malformed);
+            }
+            let snapshot = board.snapshot;
+            board.motions.progress(&snapshot)
+        };
+        if let Some(status) = status {
+            self.publish_motion(&status).await;
+        }
+    }
+
+    async fn publish_status(&mut self) {
+        let status = self.board.lock().status(monotonic());
+        if let Err(error) = self.status.put(&status).await {
+            debug!(%error, "status not published");
+        }
+    }
+
+    /// Motions come and go, so their keys are not declared.
+    async fn publish_motion(&self, status: &MotionStatus) {
+        let id = status.id.to_string();
+        let key = keys::ROBOT_MOTION.with(&[status.robot.as_str(), &id]);
+        let Ok(bytes) = WireEncoding::Json.encode(status) else { return };
+        let put = self
+            .session
+            .put(key, bytes)
+            .encoding(WireEncoding::Json.to_zenoh())
+            .priority(Channel::Progress.priority())
+            .congestion_control(Channel::Progress.congestion_control());
+        if let Err(error) = put.await {
+            debug!(%error, "motion status not published");
+        }
+    }
+
+    async fn event(
+        &mut self,
+        stamp: MonoTime,
+        severity: Severity,
+        kind: EventKind,
+        message: String,
+        details: Map<String, Value>,
+    ) {
+        self.event_seqno += 1;
+        let event = Event {
+            robot: Some(self.board.lock().vocabulary.robot.clone()),
+            boot_id: self.boot_id,
+            seqno: self.event_seqno,
+            stamp_ns: stamp,
+            utc_ns: utc_ns(),
+            severity,
+            kind,
+            message,
+            details,
+        };
+        if let Err(error) = self.events.put(&event).await {
+            debug!(%error, "event not published");
+        }
+    }
+
+    fn acknowledge(&self, ack: &StopAck) {
+        if let Err(error) = self.stop_acks.put(ack) {
+            debug!(%error, "stop not acknowledged");
+        }
+    }
+
+    async fn answer(&self, query: &Query, ack: &StopAck) {
+        let encoding = query
+            .encoding()
+            .and_then(|label| WireEncoding::from_zenoh(label).ok())
+            .unwrap_or_default();
+        serve::reply(query, &keys::ROBOT_STOP.of(&ack.robot), encoding, ack).await;
+    }
+}
+
+/// Writes a stop onto the board; returns the stages it has reached, lowest first, and whether it
+/// was not known before.
+fn record_stop(
+    board: &mut Board,
+    latched: LatchedStop,
+    received: MonoTime,
+    closing: super::stop_gate::Closing,
+) -> (Vec<StopAck>, bool) {
+    if board.stop.is_none() || closing.raised {
+        // Stages of before the closing are of an older stop or a lower level.
+        board.stages.retain(|(_, stamp)| *stamp >= received);
+    }
+    let reached = board.stages.clone();
+    let stage = reached.last().map_or(StopStage::Received, |(stage, _)| *stage);
+    let record = board.stop.get_or_insert_with(|| StopRecord {
+        level: latched.level,
+        stops: Vec::new(),
+        stage,
+        gate_count: closing.count,
+    });
+    record.level = record.level.max(latched.level);
+    record.gate_count = record.gate_count.max(closing.count);
+    record.stage = stage;
+    let known = record.stops.iter().find(|known| known.stop.stop_id == latched.stop_id).cloned();
+    let is_new = known.is_none();
+    let stop = known.unwrap_or_else(|| {
+        let stop = ReceivedStop { stop: latched, received };
+        record.stops.push(stop.clone());
+        stop
+    });
+    let mut acks = vec![ack(board, &stop, StopStage::Received, stop.received)];
+    for (stage, stamp) in reached {
+        acks.push(ack(board, &stop, stage, stamp.max(stop.received)));
+    }
+    (acks, is_new)
+}
+
+fn ack(board: &Board, stop: &ReceivedStop, stage: StopStage, stamp: MonoTime) -> StopAck {
+    StopAck {
+        stop_id: stop.stop.stop_id,
+        robot: board.vocabulary.robot.clone(),
+        boot_id: board.boot_id,
+        stage,
+        stamp_ns: stamp,
+        since_received_ms: stamp.saturating_since(stop.received).as_secs_f64() * 1e3,
+    }
+}
+
+fn map(value: Value) -> Map<String, Value> {
+    match value {
+        Value::Object(map) => map,
+        _ => Map::new(),
+    }
+}

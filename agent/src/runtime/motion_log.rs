@@ -1,0 +1,103 @@
+//! The motions of a robot, kept after their end.
+
+use std::collections::{HashMap, VecDeque};
+
+use armada_model::MonoTime;
+use armada_protocol::messages::{ActionStatus, Denial, MotionStatus};
+use uuid::Uuid;
+
+use crate::control::{MotionReport, Snapshot};
+
+/// Motions that are kept; the oldest ended one is forgotten first.
+const KEPT: usize = 1000;
+
+/// Status of every motion that is in progress or ended not long ago.
+#[derive(Debug, Default)]
+pub(super) struct MotionLog {
+    by_id: HashMap<Uuid, MotionStatus>,
+    order: VecDeque<Uuid>,
+}
+
+impl MotionLog {
+    /// Begins the log of a motion that is about to be handed to the loop.
+    pub(super) fn begin(&mut self, status: MotionStatus) {
+        self.order.push_back(status.id);
+        self.by_id.insert(status.id, status);
+        while self.order.len() > KEPT {
+            let Some(position) = self.order.iter().position(|id| self.is_over(id)) else { return };
+            if let Some(oldest) = self.order.remove(position) {
+                self.by_id.remove(&oldest);
+            }
+        }
+    }
+
+    /// Forgets a motion that the loop refused: it never was.
+    pub(super) fn withdraw(&mut self, id: Uuid) {
+        self.by_id.remove(&id);
+        self.order.retain(|kept| *kept != id);
+    }
+
+    /// Takes a report of the loop; returns the status to publish. Nothing follows a terminal one.
+    pub(super) fn take(
+        &mut self,
+        stamp: MonoTime,
+        report: &MotionReport,
+        reason: Option<Denial>,
+    ) -> Option<MotionStatus> {
+        let status = self.by_id.get_mut(&report.id)?;
+        if status.status.is_terminal() {
+            return None;
+        }
+        status.seqno += 1;
+        status.stamp_ns = stamp;
+        status.status = report.status;
+        status.reason = reason;
+        status.started_ns = report.started;
+        status.elapsed_s = report.progress.elapsed_s;
+        status.duration_s = report.progress.duration_s;
+        status.waypoint = report.progress.waypoint;
+        Some(status.clone())
+    }
+
+    /// The motion in progress with its newest numbers, to be published at a rate.
+    pub(super) fn progress(&mut self, snapshot: &Snapshot) -> Option<MotionStatus> {
+        let progress = snapshot.motion?;
+        let status = self.by_id.get_mut(&progress.id)?;
+        if status.status.is_terminal() {
+            return None;
+        }
+        status.seqno += 1;
+        status.stamp_ns = snapshot.stamp;
+        status.elapsed_s = progress.elapsed_s;
+        status.waypoint = progress.waypoint;
+        Some(status.clone())
+    }
+
+    /// The motion that is not over yet, if there is one.
+    pub(super) fn current(&self) -> Option<&MotionStatus> {
+        self.order
+            .iter()
+            .rev()
+            .filter_map(|id| self.by_id.get(id))
+            .find(|m| !m.status.is_terminal())
+    }
+
+    /// Status of one motion.
+    pub(super) fn find(&self, id: Uuid) -> Option<&MotionStatus> {
+        self.by_id.get(&id)
+    }
+
+    /// Every motion that is kept, oldest first.
+    pub(super) fn all(&self) -> impl Iterator<Item = &MotionStatus> {
+        self.order.iter().filter_map(|id| self.by_id.get(id))
+    }
+
+    fn is_over(&self, id: &Uuid) -> bool {
+        self.by_id.get(id).is_none_or(|motion| motion.status.is_terminal())
+    }
+}
+
+/// The status of a motion before the loop has it.
+pub(super) fn queued(base: MotionStatus) -> MotionStatus {
+    MotionStatus { status: ActionStatus::Queued, seqno: 0, reason: None, ..base }
+}

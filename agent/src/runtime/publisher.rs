@@ -1,0 +1,139 @@
+//! The thread between the loop and Zenoh: states at their rate, events to the desk.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use armada_model::{MonoTime, Pose, RobotModel};
+use armada_protocol::messages::{JointState, RobotState, TcpState};
+use armada_protocol::publish::Latest as Sender;
+use tokio::sync::mpsc;
+use tracing::{debug, warn};
+use uuid::Uuid;
+
+use super::board::SharedBoard;
+use super::clock::{monotonic, utc_ns};
+use super::mailbox::{PublisherEnd, StampedEvent};
+use crate::control::Snapshot;
+
+/// How long the thread sleeps if nobody wakes it, so that it sees the shutdown.
+const IDLE: Duration = Duration::from_millis(100);
+
+/// A chain whose tip pose is part of the state.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    pub(super) name: String,
+    pub(super) base: usize,
+    pub(super) tip: usize,
+}
+
+/// Everything the publisher thread owns or shares.
+pub(super) struct Publisher {
+    pub(super) mailbox: PublisherEnd,
+    pub(super) board: Arc<SharedBoard>,
+    pub(super) desk: mpsc::Sender<StampedEvent>,
+    pub(super) state: Sender,
+    pub(super) joint_states: Sender,
+    pub(super) boot_id: Uuid,
+    pub(super) joint_names: Vec<String>,
+    pub(super) model: RobotModel,
+    pub(super) chains: Vec<Chain>,
+    /// Position variable of the model for each joint of the robot.
+    pub(super) variables: Vec<usize>,
+    pub(super) shutdown: Arc<AtomicBool>,
+}
+
+impl Publisher {
+    /// Runs until the shutdown.
+    pub(super) fn run(mut self) {
+        let mut published = 0;
+        while !self.shutdown.load(Ordering::Relaxed) {
+            std::thread::park_timeout(IDLE);
+            while self.mailbox.retired.pop().is_ok() {}
+            let latest = *self.mailbox.latest.read();
+            if latest.due != published {
+                published = latest.due;
+                self.publish(&latest.snapshot);
+            }
+            self.board.lock().snapshot = latest.snapshot;
+            while let Ok(event) = self.mailbox.events.pop() {
+                if self.desk.try_send(event).is_err() {
+                    warn!("an event of the loop was lost: the desk does not keep up");
+                    self.board.lock().count_dropped("loop_event");
+                }
+            }
+        }
+    }
+
+    fn publish(&self, snapshot: &Snapshot) {
+        let state = self.robot_state(snapshot);
+        if let Err(error) = self.state.put(&state) {
+            debug!(%error, "state not published");
+        }
+        if self.joint_states.has_subscribers()
+            && let Err(error) = self.joint_states.put(&self.joint_state(&state))
+        {
+            debug!(%error, "joint states not published");
+        }
+    }
+
+    fn robot_state(&self, snapshot: &Snapshot) -> RobotState {
+        RobotState {
+            stamp_ns: snapshot.stamp,
+            utc_ns: utc_at(snapshot.stamp),
+            boot_id: self.boot_id,
+            seqno: snapshot.seqno,
+            epoch: snapshot.epoch,
+            command_mode: snapshot.command_mode,
+            operational_mode: snapshot.operational_mode,
+            controller_state: snapshot.controller_state,
+            flags: snapshot.flags,
+            joint_position_rad: snapshot.joint_position,
+            joint_velocity_rad_s: snapshot.joint_velocity,
+            joint_effort_nm: snapshot.joint_effort,
+            joint_position_command_rad: snapshot.joint_position_command,
+            joint_velocity_command_rad_s: snapshot.joint_velocity_command,
+            tcp: self.tips(snapshot),
+            motion: snapshot.motion,
+            config_seqno: 1,
+        }
+    }
+
+    /// Poses of the chains' tips; none while the positions are not known.
+    fn tips(&self, snapshot: &Snapshot) -> Vec<TcpState> {
+        if snapshot.joint_position.is_empty() {
+            return Vec::new();
+        }
+        let mut positions = vec![0.0; self.model.variable_count()];
+        for (&variable, &value) in self.variables.iter().zip(snapshot.joint_position.iter()) {
+            if let Some(slot) = positions.get_mut(variable) {
+                *slot = value;
+            }
+        }
+        let pose_of = |link| self.model.link_pose(&positions, link).ok();
+        let tip = |chain: &Chain| {
+            let (base, tip) = (pose_of(chain.base)?, pose_of(chain.tip)?);
+            let pose = Pose::from_isometry(base.inv_mul(&tip));
+            Some(TcpState { chain: chain.name.clone(), pose })
+        };
+        self.chains.iter().filter_map(tip).collect()
+    }
+
+    fn joint_state(&self, state: &RobotState) -> JointState {
+        JointState {
+            stamp_ns: state.stamp_ns,
+            boot_id: state.boot_id,
+            seqno: state.seqno,
+            name: self.joint_names.clone(),
+            position: state.joint_position_rad,
+            velocity: state.joint_velocity_rad_s,
+            effort: state.joint_effort_nm,
+        }
+    }
+}
+
+/// The wall clock at `stamp`, which lies a moment back.
+fn utc_at(stamp: MonoTime) -> u64 {
+    let age = monotonic().saturating_since(stamp).as_nanos();
+    utc_ns().saturating_sub(u64::try_from(age).unwrap_or_default())
+}

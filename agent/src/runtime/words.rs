@@ -1,0 +1,235 @@
+//! Refusals and faults in words a person can act on.
+
+use armada_model::TrajectoryError;
+use armada_protocol::RobotName;
+use armada_protocol::messages::{
+    CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, StopLevel,
+};
+use serde_json::Value;
+
+use crate::control::{LoopFault, Refusal};
+
+/// Who and what the words are about.
+#[derive(Clone, Debug)]
+pub(super) struct Vocabulary {
+    pub(super) robot: RobotName,
+    pub(super) joints: Vec<JointInfo>,
+}
+
+impl Vocabulary {
+    fn joint(&self, index: usize) -> &str {
+        self.joints.get(index).map_or("an unknown joint", |joint| joint.name.as_str())
+    }
+
+    fn unit(&self, index: usize) -> &'static str {
+        use armada_model::JointType::Prismatic;
+        let slides = self.joints.get(index).is_some_and(|joint| joint.joint_type == Prismatic);
+        if slides { "m" } else { "rad" }
+    }
+
+    /// The denial that a refusal of the loop means.
+    #[expect(clippy::too_many_lines, reason = "one arm for each refusal and nothing else")]
+    pub(super) fn denial(&self, refusal: &Refusal) -> Denial {
+        match *refusal {
+            Refusal::WrongMode { mode, needed } => self.wrong_mode(mode, needed),
+            Refusal::ThroughHalt { mode, wanted } => Denial::new(
+                DenialCode::WrongMode,
+                format!(
+                    "{} is in {}: set mode halt before {}",
+                    self.robot,
+                    name(mode),
+                    name(wanted)
+                ),
+            )
+            .with("command_mode", name(mode)),
+            Refusal::ModeNotSupported(mode) => Denial::new(
+                DenialCode::NotSupported,
+                format!("mode {} does not exist for {}", name(mode), self.robot),
+            )
+            .with("mode", name(mode)),
+            Refusal::Stopped(level) => self.stopped(level),
+            Refusal::Faulted(code) => self.faulted(code),
+            Refusal::CauseRemains(code) => Denial::new(
+                DenialCode::Faulted,
+                format!("{}: the cause of {} is still there", self.robot, fault_name(code)),
+            )
+            .with("fault", fault_name(code)),
+            Refusal::CommunicationLost => Denial::new(
+                DenialCode::CommunicationLost,
+                format!("the controller of {} does not answer", self.robot),
+            ),
+            Refusal::NotEnabled => Denial::new(
+                DenialCode::NotEnabled,
+                format!("the drives of {} are off: enable them first", self.robot),
+            ),
+            Refusal::NotReady => Denial::new(
+                DenialCode::NotReady,
+                format!("the controller of {} does not take commands", self.robot),
+            ),
+            Refusal::Busy(id) => Denial::new(
+                DenialCode::Busy,
+                format!("{} is in motion {id}: cancel it or wait for its end", self.robot),
+            )
+            .with("motion_id", id.to_string()),
+            Refusal::StillMoving => Denial::new(
+                DenialCode::Busy,
+                format!("{} is still decelerating: ask again in a moment", self.robot),
+            ),
+            Refusal::NoSuchMotion => Denial::new(
+                DenialCode::NotAttached,
+                format!("{} has no such motion in progress", self.robot),
+            ),
+            Refusal::OutOfRange { joint, value, limit } => self.out_of_range(joint, value, limit),
+            Refusal::StartTolerance { joint, value, limit } => Denial::new(
+                DenialCode::Tolerance,
+                format!(
+                    "{} of {} is {value:.4} {unit} from where the motion begins, limit {limit} \
+                     {unit}: move there first",
+                    self.joint(joint),
+                    self.robot,
+                    unit = self.unit(joint),
+                ),
+            )
+            .with("joint", self.joint(joint))
+            .with("value", value)
+            .with("limit", limit),
+            Refusal::WrongLength { given, expected } => Denial::new(
+                DenialCode::InvalidArgument,
+                format!("{given} values, but {} has {expected} joints", self.robot),
+            )
+            .with("given", given)
+            .with("expected", expected),
+            Refusal::EpochPassed { given, current } => Denial::new(
+                DenialCode::LeaseStale,
+                format!("epoch {given} has passed, {} is in epoch {current}", self.robot),
+            )
+            .with("epoch", current),
+            Refusal::StartMissed { late_s } => Denial::new(
+                DenialCode::Timeout,
+                format!("the start was {:.1} ms ago", late_s * 1e3),
+            )
+            .with("late_ms", late_s * 1e3),
+            Refusal::Cancelled => self.ended("cancelled by request"),
+            Refusal::ModeLeft => self.ended("the mode was left"),
+            Refusal::Disabled => Denial::new(
+                DenialCode::NotEnabled,
+                format!("the drives of {} were switched off", self.robot),
+            ),
+            Refusal::StillEnabled => Denial::new(
+                DenialCode::DriverError,
+                format!("the drives of {} stayed on", self.robot),
+            ),
+            Refusal::TooManyPending => Denial::new(
+                DenialCode::Busy,
+                format!("too many requests wait for the controller of {}", self.robot),
+            ),
+        }
+    }
+
+    fn wrong_mode(&self, mode: CommandMode, needed: CommandMode) -> Denial {
+        Denial::new(
+            DenialCode::WrongMode,
+            format!(
+                "{} is in {}, {} is needed: set it first",
+                self.robot,
+                name(mode),
+                name(needed)
+            ),
+        )
+        .with("command_mode", name(mode))
+        .with("needed", name(needed))
+    }
+
+    /// The denial of motion while a stop is latched.
+    pub(super) fn stopped(&self, level: StopLevel) -> Denial {
+        Denial::new(
+            DenialCode::Stopped,
+            format!("{} is stopped at level {level:?}: reset the stop first", self.robot),
+        )
+        .with("level", format!("{level:?}"))
+    }
+
+    fn faulted(&self, code: FaultCode) -> Denial {
+        let fault = fault_name(code);
+        Denial::new(
+            DenialCode::Faulted,
+            format!("{} has the fault {fault}: put it right, then reset errors", self.robot),
+        )
+        .with("fault", fault)
+    }
+
+    fn out_of_range(&self, joint: usize, value: f64, limit: f64) -> Denial {
+        let side = if value > limit { "above" } else { "below" };
+        Denial::new(
+            DenialCode::OutOfRange,
+            format!("{} of {}: {value} is {side} the limit {limit}", self.joint(joint), self.robot),
+        )
+        .with("joint", self.joint(joint))
+        .with("value", value)
+        .with("limit", limit)
+    }
+
+    fn ended(&self, why: &str) -> Denial {
+        Denial::new(DenialCode::WrongMode, format!("{}: {why}", self.robot))
+    }
+
+    /// A fault of the loop, in words.
+    pub(super) fn fault(&self, fault: &LoopFault) -> Fault {
+        let joint = fault.joint.unwrap_or_default();
+        let message = match fault.code {
+            FaultCode::CommunicationLost => format!(
+                "no feedback from the controller for {:.0} ms, limit {:.0} ms",
+                fault.value * 1e3,
+                fault.limit * 1e3
+            ),
+            FaultCode::ControllerError => format!("the controller reports error {}", fault.value),
+            FaultCode::EmergencyStop => {
+                "the controller's emergency stop is pressed: release it".to_owned()
+            }
+            FaultCode::NotReady => {
+                "drives went off or the controller stopped taking commands".to_owned()
+            }
+            FaultCode::TrackingError => format!(
+                "{} is {:.4} {unit} from its set-point, limit {} {unit}",
+                self.joint(joint),
+                fault.value,
+                fault.limit,
+                unit = self.unit(joint),
+            ),
+            FaultCode::LoopError => "the control loop failed in a step".to_owned(),
+        };
+        Fault { code: fault.code, message, since_ns: fault.stamp }
+    }
+}
+
+/// The denial that a trajectory which is not valid means.
+pub(super) fn trajectory_denial(error: &TrajectoryError) -> Denial {
+    let code = match error {
+        TrajectoryError::BeyondLimit { .. } => DenialCode::OutOfRange,
+        TrajectoryError::TooManyWaypoints { .. } | TrajectoryError::TooLong { .. } => {
+            DenialCode::TooLarge
+        }
+        _ => DenialCode::InvalidArgument,
+    };
+    let denial = Denial::new(code, error.to_string()).with("field", "trajectory");
+    match error {
+        TrajectoryError::BeyondLimit { joint, value, limit, .. } => {
+            denial.with("joint", joint.as_str()).with("value", *value).with("limit", *limit)
+        }
+        _ => denial,
+    }
+}
+
+/// A mode as it is written on the wire.
+pub(super) fn name(mode: CommandMode) -> String {
+    wire_name(serde_json::to_value(mode))
+}
+
+/// A fault's kind as it is written on the wire.
+pub(super) fn fault_name(code: FaultCode) -> String {
+    wire_name(serde_json::to_value(code))
+}
+
+fn wire_name(value: serde_json::Result<Value>) -> String {
+    value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
