@@ -1,0 +1,41 @@
+//! Everything that touches a clock, a socket, a thread or Zenoh.
+//!
+//! ```text
+//!            requests (bounded queue)            datagrams
+//! requests -------------------------> loop thread <------> controller
+//!   ^ |      stop gate (one atomic)       |
+//!   | |  -------------------------------> | latest snapshot, events, trajectories to free
+//!   | v                                   v
+//!  board <------ desk (tokio) <------ publisher thread ----> state, joint_states
+//!                   |
+//!                   +----> status, events, motions, stop/ack
+//! ```
+//!
+//! The loop thread allocates nothing, takes no lock, logs nothing and never meets Zenoh; it only
+//! writes to wait-free queues and wakes the publisher. A stop closes the gate in Zenoh's callback,
+//! before anything else is looked at.
+
+mod agent;
+mod board;
+mod bus;
+mod clock;
+mod desk;
+mod emulation;
+mod link;
+mod loop_thread;
+mod mailbox;
+mod meter;
+mod motion_log;
+mod publisher;
+mod realtime;
+mod requests;
+mod robot;
+mod stop_gate;
+mod stop_intake;
+mod words;
+
+pub use agent::{Agent, AgentError, AgentOptions};
+pub use clock::{monotonic, sleep_until, utc_ns};
+pub use emulation::{Emulation, EmulationError};
+pub use link::LinkError;
+pub use realtime::{RealtimeReport, enter};

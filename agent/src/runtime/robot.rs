@@ -1,0 +1,99 @@
+//! The robot as its files describe it.
+
+use std::num::NonZeroU64;
+
+use armada_model::{MotionLimits, RobotModel};
+use armada_protocol::messages::{Capability, ChainInfo, JointInfo, RobotFlags, RobotInfo};
+use uuid::Uuid;
+
+use super::agent::{AgentError, AgentOptions};
+use super::publisher::Chain;
+use super::requests::names;
+use crate::config::RobotConfig;
+use crate::control::Params;
+use crate::drivers::Driver;
+
+/// The robot as its files describe it.
+pub(super) struct Robot {
+    pub(super) config: RobotConfig,
+    pub(super) urdf: String,
+    pub(super) model: RobotModel,
+    pub(super) joints: Vec<JointInfo>,
+    pub(super) chains: Vec<ChainInfo>,
+    pub(super) params: Params,
+    pub(super) limits: MotionLimits,
+}
+
+impl Robot {
+    pub(super) fn load(options: &AgentOptions) -> Result<Self, AgentError> {
+        let config = RobotConfig::load(&options.robot_file)?;
+        let (urdf, model) = config.read_urdf()?;
+        let joints = config.joint_infos(&model)?;
+        let chains = config.chain_infos(&model)?;
+        let params = config.params(&model)?;
+        let limits = MotionLimits::new(&params.limits)?;
+        Ok(Self { config, urdf, model, joints, chains, params, limits })
+    }
+
+    pub(super) fn joint_names(&self) -> Vec<String> {
+        self.joints.iter().map(|joint| joint.name.clone()).collect()
+    }
+
+    pub(super) fn variables(&self) -> Vec<usize> {
+        self.joints.iter().filter_map(|joint| self.model.variable_index(&joint.name)).collect()
+    }
+
+    pub(super) fn chain_links(&self) -> Vec<Chain> {
+        let link = |name: &str| self.model.link_index(name);
+        let chain = |info: &ChainInfo| {
+            let (base, tip) = (link(&info.base_link)?, link(&info.tip_link)?);
+            Some(Chain { name: info.name.clone(), base, tip })
+        };
+        self.chains.iter().filter_map(chain).collect()
+    }
+
+    pub(super) fn driver(&self, boot_id: Uuid) -> Result<Box<dyn Driver>, AgentError> {
+        let (high, low) = boot_id.as_u64_pair();
+        let nonce = NonZeroU64::new(high ^ low).unwrap_or(NonZeroU64::MIN);
+        let setup = self.config.driver_setup(&self.model, nonce)?;
+        Ok(self.config.driver.driver(&setup)?)
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "the ratio of two checked rates is a small positive number"
+    )]
+    pub(super) fn ticks_per_sample(&self) -> u64 {
+        let loop_rate_hz = 1000.0 / self.config.control.period_ms;
+        (loop_rate_hz / self.config.publish.state_rate_hz).round().max(1.0) as u64
+    }
+
+    pub(super) fn info(&self, boot_id: Uuid) -> RobotInfo {
+        RobotInfo {
+            robot: self.config.robot.clone(),
+            uuid: self.config.uuid,
+            boot_id,
+            seqno: 1,
+            vendor: self.config.driver.vendor().to_owned(),
+            model: self.config.model.clone(),
+            serial: self.config.serial.clone(),
+            software_version: env!("CARGO_PKG_VERSION").to_owned(),
+            model_rev: 1,
+            joints: self.joints.clone(),
+            chains: self.chains.clone(),
+            capabilities: vec![
+                Capability::JogCommand,
+                Capability::TrajectoryCommand,
+                Capability::SoftwareResetErrors,
+                Capability::SoftwareEnable,
+                Capability::InterpolatedTrajectory,
+            ],
+            methods: names().into_iter().map(str::to_owned).collect(),
+            flags: RobotFlags::NAMES.map(|(name, bit)| (name.to_owned(), bit.bits())).to_vec(),
+            period_ms: self.config.control.period_ms,
+            state_rate_hz: self.config.publish.state_rate_hz,
+            urdf: self.urdf.clone(),
+        }
+    }
+}
