@@ -72,6 +72,7 @@ pub struct LoopRequest {
 
 /// What may be asked of the loop.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a box would be freed in the loop")]
 pub enum Order {
     /// Change the command mode.
     SetMode(CommandMode),

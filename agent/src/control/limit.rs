@@ -11,9 +11,11 @@
 //!
 //! counted from `x_(k-1)`, so `B(v_k)` is at most the room that is left there. Whoever plans
 //! within the limits keeps this without knowing of it: his own set-points are a way to stop in
-//! that room, and none is shorter. What does not pass is replaced by the nearest that does, and
-//! counted. What leaves therefore always can be braked, and the next tick always has a legal
-//! answer: this is the induction that keeps the limiter's own arithmetic legal.
+//! that room, and none is shorter.
+//!
+//! What does not pass is replaced by a step on the way to rest there that does, and counted. So
+//! what leaves can always be braked, and the next tick always has a legal answer: this is the
+//! induction that keeps the limiter's own arithmetic legal.
 //!
 //! A joint found beyond a position limit may stay or come back, but not go further out.
 //!
@@ -110,13 +112,7 @@ impl Limiter {
         let joints = position.iter_mut().zip(velocity.iter_mut()).zip(target.iter());
         for (((x, v), &goal), axis) in joints.zip(&self.axes) {
             let axis = Axis { limits: axis, period_s: self.period_s };
-            let distance = goal - *x;
-            let brakeable = axis.brakeable(distance.abs());
-            let wanted = distance.signum() * brakeable.min(distance.abs() / axis.period_s);
-            let legal = axis.legal(*x, *v, wanted);
-            let arrives = (legal - distance / axis.period_s).abs() <= axis.rounding(*x);
-            *x = if arrives { goal } else { *x + legal * axis.period_s };
-            *v = legal;
+            (*x, *v) = axis.approach(*x, *v, goal);
         }
         Some(MotionState { position, velocity })
     }
@@ -136,6 +132,17 @@ impl Axis<'_> {
         let legal = self.legal(from, before, asked);
         if (legal - asked).abs() <= self.rounding(from) {
             return (to, asked);
+        }
+        self.approach(from, before, to)
+    }
+
+    /// Position to send on the way to rest at `goal`, and its difference to `from`.
+    fn approach(self, from: f64, before: f64, goal: f64) -> (f64, f64) {
+        let distance = goal - from;
+        let wanted = self.brakeable(distance.abs()).min(distance.abs() / self.period_s);
+        let legal = self.legal(from, before, wanted.copysign(distance));
+        if (legal - distance / self.period_s).abs() <= self.rounding(from) {
+            return (goal, distance / self.period_s);
         }
         let (lower, upper) = self.range(from);
         let to = (from + legal * self.period_s).clamp(lower, upper);

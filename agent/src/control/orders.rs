@@ -74,6 +74,10 @@ impl LoopState {
 
     fn reset_errors(&mut self, tick: &mut Tick<'_>, ticket: u64) -> Result<Verdict, Refusal> {
         self.controller.reset_once();
+        if let Some(fault) = self.faults.iter().find(|fault| fault.stamp == tick.now) {
+            // Whoever asked cannot have known of it.
+            return Err(Refusal::CauseRemains(fault.code));
+        }
         match self.remaining_cause(tick) {
             None => {
                 self.clear_faults(tick);

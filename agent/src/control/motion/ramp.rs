@@ -48,7 +48,11 @@ impl LoopState {
     /// position then would make noise and load a motion, and clearing never moves. But if the robot
     /// was pushed away, the set-point goes to it, within the limits, rather than it back.
     pub(in crate::control) fn reseed(&mut self, tick: &Tick<'_>) {
-        let Some(feedback) = self.condition.feedback().filter(|_| self.ramp.is_none()) else {
+        if self.ramp.is_some() || self.stop.level().is_some() {
+            // Nothing begins to move under a stop. When it is cleared there is another occasion.
+            return;
+        }
+        let Some(feedback) = self.condition.feedback() else {
             return;
         };
         let Some(last) = self.limiter.last() else {

@@ -66,7 +66,8 @@ fn a_stop_a_fault_and_a_disable_each_refuse_a_waiting_enable() {
         rig.order(Order::Disable);
     };
     let silence = |rig: &mut Rig| rig.plant.silent = true;
-    let cases: [(fn(&mut Rig), Refusal); 4] = [
+    type Case = (fn(&mut Rig), Refusal);
+    let cases: [Case; 4] = [
         (stop, Refusal::Stopped(StopLevel::L2)),
         (fault, Refusal::Faulted(FaultCode::ControllerError)),
         (disable, Refusal::Disabled),

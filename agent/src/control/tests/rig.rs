@@ -118,6 +118,14 @@ impl Plant {
         }
     }
 
+    /// Takes back everything that went wrong, but for what needs a request.
+    pub(super) fn recover(&mut self) {
+        (self.emergency_stop, self.silent, self.blocked) = (false, false, false);
+        (self.obeys_after, self.creep) = (Some(5), 0.0);
+        self.obeying.clear();
+        self.ready = self.enabled;
+    }
+
     fn feedback(&mut self, now: MonoTime) -> Option<Feedback> {
         if !self.silent {
             self.last = Some(Feedback {
@@ -456,6 +464,9 @@ impl Watch {
     ) {
         assert!(output.snapshot.epoch >= self.epoch, "the epoch went back");
         self.epoch = output.snapshot.epoch;
+        let motion_mode =
+            matches!(output.snapshot.command_mode, CommandMode::Jog | CommandMode::Trajectory);
+        assert!(output.snapshot.motion.is_none() || (motion_mode && stop.is_none()));
         self.most_events = self.most_events.max(output.events.len());
         for event in &output.events {
             self.check_event(event);
