@@ -1,0 +1,314 @@
+//! A tick of the control loop touches no heap, in any mode.
+//!
+//! A global allocator counts what this thread asks of it, and what it gives back: to free memory
+//! may block as long as to get it.
+
+#![expect(unsafe_code, reason = "a global allocator cannot be written without")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::Duration;
+
+use armada_agent::control::{
+    FollowOrder, Input, JogOrder, LoopRequest, LoopState, Order, Output, Params, step,
+};
+use armada_agent::drivers::{DriverRequest, Feedback};
+use armada_model::{
+    CompiledTrajectory, Interpolation, JointLimits, JointTrajectory, JointVector, MonoTime,
+    MotionLimits, TrajectoryOptions, Waypoint,
+};
+use armada_protocol::messages::{CommandMode, OperationalMode, StopLevel};
+use arrayvec::ArrayVec;
+use uuid::Uuid;
+
+const JOINTS: usize = 7;
+const PERIOD: Duration = Duration::from_millis(1);
+
+struct Counting;
+
+thread_local! {
+    static CALLS: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count() {
+    // A thread that is ending has no counter any more, and runs no tick.
+    let _ = CALLS.try_with(|calls| calls.set(calls.get() + 1));
+}
+
+// SAFETY: every call is passed on unchanged to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: as the caller promises.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: as the caller promises.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn all(value: f64) -> JointVector {
+    JointVector::from_slice(&[value; JOINTS]).expect("finite")
+}
+
+fn params() -> Params {
+    let joint = JointLimits {
+        lower: Some(-2.9),
+        upper: Some(2.9),
+        velocity: 2.0,
+        acceleration: Some(5.0),
+        effort: None,
+    };
+    Params {
+        limits: vec![joint; JOINTS],
+        period: PERIOD,
+        communication_timeout: Duration::from_millis(100),
+        start_tolerance: all(0.05),
+        tracking_tolerance: all(0.05),
+        tracking_lag: PERIOD,
+        standstill_velocity: all(0.01),
+        standstill_hold: Duration::from_millis(50),
+        request_timeout: Duration::from_millis(200),
+        enable_on_start: true,
+    }
+}
+
+fn trajectory(from: f64, to: f64) -> Arc<CompiledTrajectory> {
+    let names: Vec<String> = (0..JOINTS).map(|joint| format!("joint_{joint}")).collect();
+    let row = |time_from_start_s, value| Waypoint {
+        time_from_start_s,
+        joint_position: vec![value; JOINTS],
+        joint_velocity: Vec::new(),
+    };
+    let waypoints = (0..=20).map(|k| {
+        let share = f64::from(k) / 20.0;
+        row(share, from + (to - from) * share * share * (3.0 - 2.0 * share))
+    });
+    let wanted = JointTrajectory {
+        joint_names: names.clone(),
+        waypoints: waypoints.collect(),
+        interpolation: Interpolation::CubicSpline,
+    };
+    let limits = MotionLimits::new(&params().limits).expect("complete");
+    let options = TrajectoryOptions::default();
+    let compiled = CompiledTrajectory::compile(&wanted, &names, &limits, &options);
+    Arc::new(compiled.expect("legal"))
+}
+
+/// A loop whose robot is always where it was told to be a tick ago.
+struct Rig {
+    params: Params,
+    state: LoopState,
+    now: MonoTime,
+    feedback: Option<Feedback>,
+    stop: Option<StopLevel>,
+    calls: u64,
+    ticks: u64,
+}
+
+impl Rig {
+    fn new() -> Self {
+        let params = params();
+        let state = LoopState::new(&params).expect("sensible");
+        let now = MonoTime::from_nanos(1);
+        let feedback = Feedback {
+            stamp: now,
+            joint_position: all(0.0),
+            joint_velocity: all(0.0),
+            joint_effort: JointVector::EMPTY,
+            enabled: false,
+            ready: false,
+            emergency_stop: false,
+            error_code: 0,
+            operational_mode: OperationalMode::Auto,
+        };
+        Self { params, state, now, feedback: Some(feedback), stop: None, calls: 0, ticks: 0 }
+    }
+
+    /// One tick, which becomes the only owner of what `orders` hold.
+    fn tick<const N: usize>(&mut self, orders: [Order; N]) -> Output {
+        self.now = self.now + PERIOD;
+        if let Some(feedback) = &mut self.feedback {
+            feedback.stamp = self.now;
+        }
+        let requests = (0u64..).zip(orders);
+        let mut input = Input {
+            now: self.now,
+            feedback: self.feedback,
+            stop: self.stop,
+            loop_error: false,
+            requests: requests
+                .map(|(ticket, order)| LoopRequest { ticket, order })
+                .collect::<ArrayVec<_, 8>>(),
+        };
+        let before = CALLS.get();
+        let output = black_box(step(&self.params, &mut self.state, black_box(&mut input)));
+        self.calls += CALLS.get() - before;
+        self.ticks += 1;
+        self.obey(&output);
+        output
+    }
+
+    fn obey(&mut self, output: &Output) {
+        let Some(feedback) = &mut self.feedback else {
+            return;
+        };
+        if let Some(command) = output.command {
+            feedback.joint_velocity = command.joint_position.map_indexed(|joint, x| {
+                (x - feedback.joint_position[joint]) / PERIOD.as_secs_f64()
+            });
+            feedback.joint_position = command.joint_position;
+        } else {
+            feedback.joint_velocity = all(0.0);
+        }
+        match output.driver_request {
+            Some(DriverRequest::Enable) => (feedback.enabled, feedback.ready) = (true, true),
+            Some(DriverRequest::Disable) => (feedback.enabled, feedback.ready) = (false, false),
+            Some(DriverRequest::ResetErrors) => feedback.error_code = 0,
+            None => {}
+        }
+    }
+
+    fn ticks(&mut self, count: usize) -> Output {
+        for _ in 1..count {
+            self.tick([]);
+        }
+        self.tick([])
+    }
+
+    #[track_caller]
+    fn expect_mode(&mut self, mode: CommandMode) {
+        let output = self.tick([]);
+        assert_eq!(output.snapshot.command_mode, mode);
+        assert_eq!(self.calls, 0, "calls of the allocator after {} ticks", self.ticks);
+    }
+
+    fn held(&self) -> f64 {
+        self.feedback.as_ref().expect("heard").joint_position[0]
+    }
+}
+
+fn jog(id: u128, goal: f64) -> Order {
+    let (joint_position, max_velocity) = (all(goal), all(1.5));
+    Order::Jog(JogOrder { id: Uuid::from_u128(id), joint_position, max_velocity })
+}
+
+fn follow(id: u128, trajectory: &Arc<CompiledTrajectory>, start: Option<MonoTime>) -> Order {
+    let (id, trajectory) = (Uuid::from_u128(id), Arc::clone(trajectory));
+    Order::Follow(FollowOrder { id, trajectory, start, epoch: None })
+}
+
+fn set_mode(mode: CommandMode) -> Order {
+    Order::SetMode(mode)
+}
+
+#[test]
+fn the_counter_counts() {
+    let before = CALLS.get();
+    drop(black_box(Box::new(1)));
+    assert_eq!(CALLS.get() - before, 2, "one for the box, one for its end");
+}
+
+#[test]
+fn start_up_and_halt_allocate_nothing() {
+    let mut rig = Rig::new();
+    let feedback = rig.feedback.take();
+    rig.ticks(10);
+    rig.feedback = feedback;
+    rig.ticks(10);
+    rig.expect_mode(CommandMode::Halt);
+}
+
+#[test]
+fn jogs_their_change_of_goal_and_their_cancel_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Jog), jog(1, 1.0)]);
+    rig.ticks(300);
+    rig.tick([jog(2, -1.0), jog(3, 9.0), jog(4, 0.5)]);
+    rig.ticks(100);
+    let moving = rig.tick([Order::Cancel(Uuid::from_u128(4))]);
+    assert!(moving.command.is_some_and(|command| command.joint_velocity[0] != 0.0));
+    rig.ticks(2000);
+    rig.expect_mode(CommandMode::Jog);
+}
+
+#[test]
+fn trajectories_allocate_nothing_and_are_not_freed_in_the_loop() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Trajectory)]);
+    let orders = [
+        follow(1, &trajectory(0.01, 0.5), None),
+        follow(2, &trajectory(0.0, 0.5), None),
+        follow(3, &trajectory(0.3, 0.5), None),
+    ];
+    let mut retired = Vec::new();
+    retired.extend(rig.tick(orders).retired);
+    for _ in 0..2000 {
+        retired.extend(rig.tick([]).retired);
+    }
+    assert_eq!(retired.len(), 3);
+    assert_eq!(rig.held(), 0.5);
+    let armed = follow(4, &trajectory(0.5, 0.0), Some(rig.now + PERIOD * 100));
+    rig.tick([armed]);
+    rig.ticks(600);
+    assert_eq!(rig.tick([Order::Halt]).retired.len(), 1);
+    rig.ticks(1000);
+    rig.expect_mode(CommandMode::Halt);
+}
+
+#[test]
+fn stops_of_every_level_and_their_clearing_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    for level in [StopLevel::L2, StopLevel::L1, StopLevel::L0] {
+        rig.tick([Order::Enable]);
+        rig.ticks(10);
+        rig.tick([set_mode(CommandMode::Trajectory)]);
+        let from = rig.held();
+        rig.tick([follow(1, &trajectory(from, from + 0.4), None)]);
+        rig.ticks(500);
+        rig.stop = Some(level);
+        rig.ticks(1000);
+        rig.stop = None;
+        rig.ticks(10);
+    }
+    rig.expect_mode(CommandMode::Halt);
+}
+
+#[test]
+fn faults_resets_and_disabling_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Jog), jog(1, 1.0)]);
+    rig.ticks(200);
+    rig.feedback.as_mut().expect("heard").error_code = 3;
+    rig.ticks(300);
+    rig.expect_mode(CommandMode::InvalidState);
+    rig.tick([Order::ResetErrors]);
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Jog), jog(2, 1.0)]);
+    rig.ticks(200);
+    let feedback = rig.feedback.take();
+    rig.ticks(200);
+    rig.feedback = feedback;
+    rig.tick([Order::ResetErrors, Order::Halt]);
+    rig.tick([Order::Disable]);
+    rig.ticks(200);
+    rig.expect_mode(CommandMode::Halt);
+}
