@@ -1,0 +1,147 @@
+"""Numbers, poses and trajectories: what `armada-model` puts on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._base import JointVector, Message, OpenEnum, joint_vector
+
+
+class JointType(OpenEnum):
+    """How a joint moves."""
+
+    REVOLUTE = "revolute"
+    """Turns between limits [rad]."""
+    CONTINUOUS = "continuous"
+    """Turns without limits [rad]."""
+    PRISMATIC = "prismatic"
+    """Slides between limits [m]."""
+
+
+class JointLimits(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """What a joint may do, in rad or, for joints that slide, in m."""
+
+    lower: float | None = None
+    """Lowest position; None if there is none."""
+    upper: float | None = None
+    """Highest position; None if there is none."""
+    velocity: float
+    """Highest speed [1/s]."""
+    acceleration: float | None = None
+    """Highest acceleration and deceleration [1/s^2]; None if there is none."""
+    effort: float | None = None
+    """Highest torque [Nm] or force [N]; None if there is none."""
+
+
+class Xyz(Message, frozen=True, kw_only=True):
+    """A position [m]."""
+
+    x: float
+    y: float
+    z: float
+
+    def to_array(self) -> JointVector:
+        """The three numbers as an array [x, y, z]."""
+        return joint_vector((self.x, self.y, self.z))
+
+
+class Wxyz(Message, frozen=True, kw_only=True):
+    """An orientation: a unit quaternion w + xi + yj + zk."""
+
+    w: float
+    x: float
+    y: float
+    z: float
+
+    def to_array(self) -> JointVector:
+        """The four numbers as an array [w, x, y, z]."""
+        return joint_vector((self.w, self.x, self.y, self.z))
+
+
+class Pose(Message, frozen=True, kw_only=True):
+    """A rigid transform: where a frame is in another one."""
+
+    position_m: Xyz = Xyz(x=0.0, y=0.0, z=0.0)
+    """Origin [m]."""
+    orientation: Wxyz = Wxyz(w=1.0, x=0.0, y=0.0, z=0.0)
+    """Rotation."""
+
+
+class Interpolation(OpenEnum):
+    """How to move between waypoints."""
+
+    CUBIC_SPLINE = "cubic_spline"
+    """One cubic polynomial per joint between two waypoints. With velocities given, the one that
+    has them at both ends; without, the spline that starts and ends at rest."""
+
+
+class Waypoint(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """Where all joints are at one time."""
+
+    time_from_start_s: float
+    """Time since the start of the trajectory [s]; zero at the first waypoint."""
+    joint_position: JointVector
+    """Positions in the order of `joint_names` [rad or m]."""
+    joint_velocity: JointVector | None = None
+    """Velocities in the order of `joint_names` [rad/s or m/s]; every waypoint has them or none."""
+
+
+class JointTrajectory(Message, frozen=True, kw_only=True):
+    """Positions to pass at given times; `joint_names` gives the order of every row."""
+
+    joint_names: tuple[str, ...]
+    """Names of the joints; for a cell each is `robot/joint`."""
+    waypoints: tuple[Waypoint, ...]
+    """What to pass, in the order of time."""
+    interpolation: Interpolation = Interpolation.CUBIC_SPLINE
+    """How to move between the waypoints."""
+
+    @classmethod
+    def from_arrays(
+        cls,
+        joint_names: Sequence[str],
+        time_from_start_s: ArrayLike,
+        joint_position: ArrayLike,
+        joint_velocity: ArrayLike | None = None,
+    ) -> JointTrajectory:
+        """A trajectory from arrays: one row per waypoint, one column per joint.
+
+        Raises `ValueError` if the shapes do not fit together or a number is not finite.
+        """
+        times = joint_vector(time_from_start_s, "time_from_start_s")
+        shape = (len(times), len(joint_names))
+        positions = _rows(joint_position, shape, "joint_position")
+        velocities: Sequence[JointVector | None] = [None] * len(times)
+        if joint_velocity is not None:
+            velocities = _rows(joint_velocity, shape, "joint_velocity")
+        rows = zip(times.tolist(), positions, velocities, strict=True)
+        return cls(
+            joint_names=tuple(joint_names),
+            waypoints=tuple(
+                Waypoint(time_from_start_s=time, joint_position=position, joint_velocity=velocity)
+                for time, position, velocity in rows
+            ),
+        )
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last waypoint [s]; zero if there is none."""
+        return self.waypoints[-1].time_from_start_s if self.waypoints else 0.0
+
+
+def _rows(values: ArrayLike, shape: tuple[int, int], field: str) -> list[JointVector]:
+    rows = np.array(values, dtype=np.float64)
+    if rows.shape != shape:
+        raise ValueError(
+            f"{field} has shape {rows.shape}, expected {shape}: one row per waypoint, one column "
+            "per joint"
+        )
+    if not np.isfinite(rows).all():
+        waypoint, joint = np.argwhere(~np.isfinite(rows))[0]
+        value = rows[waypoint, joint]
+        raise ValueError(f"{field} of waypoint {waypoint}, joint {joint} is {value}")
+    rows.setflags(write=False)
+    return list(rows)

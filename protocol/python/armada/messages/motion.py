@@ -1,0 +1,85 @@
+"""Motions: what is in progress and how it ended."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from ._base import Message, MonoTime, OpenEnum, RobotName
+from .denial import Denial
+
+
+class ActionStatus(OpenEnum):
+    """Where a motion stands; exactly one of the terminal ones is reached, once."""
+
+    QUEUED = "queued"
+    """Accepted, waiting for its start."""
+    RUNNING = "running"
+    """In progress."""
+    COMPLETE = "complete"
+    """Ended at its goal."""
+    CANCELLED = "cancelled"
+    """Ended early because somebody asked for it."""
+    FAILED = "failed"
+    """Ended early for a reason."""
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether nothing follows any more."""
+        return self in (ActionStatus.COMPLETE, ActionStatus.CANCELLED, ActionStatus.FAILED)
+
+
+class MotionKind(OpenEnum):
+    """What makes the set-points of a motion."""
+
+    JOG_FREESPACE = "jog_freespace"
+    """A move of all joints to a position."""
+    TRAJECTORY = "trajectory"
+    """A timed trajectory."""
+
+
+class MotionProgress(Message, frozen=True, kw_only=True):
+    """The motion in progress, as part of the state."""
+
+    id: UUID
+    """Which motion."""
+    elapsed_s: float
+    """Time along its own clock [s]."""
+    duration_s: float
+    """Length of its own clock [s]."""
+    waypoint: int
+    """Last waypoint passed; 0 for a jog."""
+
+
+class MotionStatus(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """Status of one motion of one robot."""
+
+    id: UUID
+    """Which motion."""
+    robot: RobotName
+    """Which robot."""
+    boot_id: UUID
+    """This run of the agent."""
+    seqno: int
+    """Sequence number of status messages of this motion."""
+    stamp_ns: MonoTime
+    """Time of this status, agent's monotonic clock [ns]."""
+    kind: MotionKind
+    """What makes the set-points."""
+    status: ActionStatus
+    """Where it stands."""
+    reason: Denial | None = None
+    """Why it failed or was cancelled."""
+    client: str
+    """Who asked for it."""
+    epoch: int
+    """Epoch it belongs to."""
+    started_ns: MonoTime | None
+    """When the first set-point was sent, agent's monotonic clock [ns]; None before."""
+    elapsed_s: float
+    """Time along its own clock [s]."""
+    duration_s: float
+    """Length of its own clock [s]."""
+    waypoint: int
+    """Last waypoint passed."""
+    waypoint_count: int
+    """Number of waypoints; 0 for a jog."""
