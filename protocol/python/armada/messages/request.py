@@ -1,0 +1,154 @@
+"""Requests and answers of the methods under `rpc/`."""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+from uuid import UUID
+
+from ._base import JointVector, Message, MonoTime, RobotName
+from .denial import Denial
+from .mode import CommandMode
+from .model import JointTrajectory
+
+P = TypeVar("P")
+
+
+class Request(Message, Generic[P], frozen=True, kw_only=True, omit_defaults=True):
+    """Envelope of every request."""
+
+    request_id: UUID | None = None
+    """Identity: repeated with the same id it is answered again, not done again."""
+    client: str
+    """Who asks, for people and the audit trail."""
+    params: P
+    """What is asked."""
+
+
+class Empty(Message, frozen=True, kw_only=True):
+    """No parameters, or nothing to say in an answer."""
+
+
+class SetModeParams(Message, frozen=True, kw_only=True):
+    """Parameters of `set_mode`."""
+
+    mode: CommandMode
+    """The mode to enter; every mode but `halt` is entered from `halt`."""
+
+
+class ModeAnswer(Message, frozen=True, kw_only=True):
+    """Answer of `set_mode`, `enable`, `disable` and `reset_errors`."""
+
+    command_mode: CommandMode
+    """The mode now in force."""
+    epoch: int
+    """The epoch now in force."""
+
+
+class HaltAnswer(Message, frozen=True, kw_only=True):
+    """Answer of `halt`: the ramp to standstill has begun, or the robot stood already."""
+
+    epoch: int
+    """The epoch now in force: motions of older epochs are over."""
+
+
+class JogFreespaceParams(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """Parameters of `jog_freespace`: move all joints to a position."""
+
+    motion_id: UUID | None = None
+    """Identity the motion gets; a new one is made if left out."""
+    joint_position_rad: JointVector
+    """Goal of every joint, in the robot's joint order [rad or m]."""
+    max_velocity_rad_s: JointVector | None = None
+    """Highest speed of every joint [rad/s or m/s]; the joints' limits if left out."""
+
+
+class ExecuteTrajectoryParams(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """Parameters of an agent's `execute_trajectory` and `prepare`."""
+
+    motion_id: UUID | None = None
+    """Identity the motion gets; a new one is made if left out."""
+    trajectory: JointTrajectory
+    """The trajectory; it names every joint of the robot."""
+
+
+class Accepted(Message, frozen=True, kw_only=True):
+    """A motion was accepted; what becomes of it is published under `motions/{id}`."""
+
+    motion_id: UUID
+    """Identity of the motion."""
+    duration_s: float
+    """How long it takes [s]."""
+    epoch: int
+    """Epoch it belongs to."""
+
+
+class Prepared(Message, frozen=True, kw_only=True):
+    """Answer of `prepare`: valid, and kept for a `commit`."""
+
+    motion_id: UUID
+    """Identity of the motion."""
+    duration_s: float
+    """How long it takes [s]."""
+    epoch: int
+    """Epoch it belongs to; any halt or stop makes the commit fail."""
+    ttl_ms: int
+    """How long it is kept [ms]."""
+
+
+class CommitParams(Message, frozen=True, kw_only=True):
+    """Parameters of `commit`: start a prepared motion at an instant."""
+
+    motion_id: UUID
+    """Which motion."""
+    boot_id: UUID
+    """Run of the agent whose clock `start_ns` is of."""
+    start_ns: MonoTime
+    """Start, agent's monotonic clock [ns]."""
+
+
+class CancelParams(Message, frozen=True, kw_only=True):
+    """Parameters of `cancel` and `abort`: end a motion with a ramp to standstill."""
+
+    motion_id: UUID
+    """Which motion."""
+
+
+class ResetParams(Message, frozen=True, kw_only=True):
+    """Parameters of an agent's `reset`."""
+
+    stop_ids: tuple[UUID, ...]
+    """The stops to clear; it must list every latched one."""
+
+
+class ResetAnswer(Message, frozen=True, kw_only=True):
+    """Answer of an agent's `reset`: nothing moves and nothing is enabled by it."""
+
+    cleared: tuple[UUID, ...]
+    """The stops that were cleared."""
+    epoch: int
+    """The epoch now in force."""
+
+
+class CellExecuteTrajectory(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """Parameters of the cell's `execute_trajectory`."""
+
+    motion_id: UUID | None = None
+    """Identity the motion gets; a new one is made if left out."""
+    trajectory: JointTrajectory
+    """Joints are named `robot/joint`; every joint of each robot that takes part is named."""
+
+
+class CellResetParams(Message, frozen=True, kw_only=True):
+    """Parameters of the cell's `reset`."""
+
+    robots: tuple[RobotName, ...] = ()
+    """Which robots; all if empty."""
+
+
+class CellResetAnswer(Message, frozen=True, kw_only=True):
+    """Answer of the cell's `reset`."""
+
+    reset: tuple[tuple[RobotName, tuple[UUID, ...]], ...]
+    """Robots that are reset, with the stops that were cleared."""
+    refused: tuple[tuple[RobotName, Denial], ...]
+    """Robots that refused or did not answer, and why."""

@@ -1,0 +1,128 @@
+"""How a robot is, and what may be done next."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+from uuid import UUID
+
+from ._base import Message, MonoTime, OpenEnum, RobotName
+from .mode import CommandMode, ControllerState, OperationalMode, RobotFlags
+from .motion import MotionStatus
+from .stop import LatchedStop, StopLevel, StopStage
+
+
+class StopLatch(Message, frozen=True, kw_only=True):
+    """A stop in force: no motion before a reset."""
+
+    level: StopLevel
+    """Highest level asked for."""
+    stops: tuple[LatchedStop, ...]
+    """Every stop that the reset must clear."""
+    stage: StopStage
+    """How far the robot has come."""
+
+
+class Lease(Message, frozen=True, kw_only=True):
+    """Who may command a robot, and for how long."""
+
+    holder: str
+    """Name of the holder."""
+    remaining_ms: int
+    """Time left [ms]."""
+
+
+class FaultCode(OpenEnum):
+    """Kind of a fault."""
+
+    COMMUNICATION_LOST = "communication_lost"
+    """No feedback for longer than the allowed time."""
+    CONTROLLER_ERROR = "controller_error"
+    """The controller reports an error."""
+    EMERGENCY_STOP = "emergency_stop"
+    """The controller's own emergency stop is pressed."""
+    NOT_READY = "not_ready"
+    """Drives went off, or the controller stopped taking commands, during a motion."""
+    TRACKING_ERROR = "tracking_error"
+    """Measured and commanded position went too far apart."""
+    LOOP_ERROR = "loop_error"
+    """The control loop itself failed."""
+
+
+class Fault(Message, frozen=True, kw_only=True):
+    """A latched fault; it stays until `reset_errors` when its cause is gone."""
+
+    code: FaultCode
+    """What kind."""
+    message: str
+    """What happened, with joint, value and limit."""
+    since_ns: MonoTime
+    """When it was latched, agent's monotonic clock [ns]."""
+
+
+class SchedulingPolicyFifo(Message, frozen=True, kw_only=True):
+    """`SCHED_FIFO` with a priority; `SchedulingPolicy::Fifo` in Rust."""
+
+    fifo: int
+    """The priority."""
+
+
+SchedulingPolicy: TypeAlias = Literal["other"] | SchedulingPolicyFifo
+"""How the operating system schedules a thread: `"other"` is time sharing."""
+
+
+class LoopStatistics(Message, frozen=True, kw_only=True):
+    """Timing of a control loop since its start."""
+
+    ticks: int
+    """Ticks so far."""
+    rate_hz: float
+    """Rate over the last second [Hz]."""
+    target_rate_hz: float
+    """Rate asked for [Hz]."""
+    overruns: int
+    """Ticks whose work took longer than a period."""
+    missed_periods: int
+    """Periods in which no tick ran."""
+    limited_setpoints: int
+    """Set-points that the limiter had to change."""
+    worst_wake_us: float
+    """Latest wake-up after its deadline, over the last second [us]."""
+    scheduling: SchedulingPolicy
+    """How the operating system really schedules the loop."""
+
+
+class RobotStatus(Message, frozen=True, kw_only=True):
+    """Condition of a robot, published on change and once a second."""
+
+    robot: RobotName
+    """Which robot."""
+    boot_id: UUID
+    """This run of the agent."""
+    seqno: int
+    """Sequence number of this message in this run."""
+    stamp_ns: MonoTime
+    """Time, agent's monotonic clock [ns]."""
+    epoch: int
+    """Raised by every halt, stop, reset and change of mode."""
+    command_mode: CommandMode
+    """What kind of command is followed."""
+    operational_mode: OperationalMode
+    """The controller's key switch."""
+    controller_state: ControllerState
+    """What the controller does."""
+    flags: RobotFlags
+    """Conditions as bits."""
+    stop: StopLatch | None
+    """The latched stop, if any."""
+    faults: tuple[Fault, ...]
+    """Latched faults, oldest first."""
+    lease: Lease | None
+    """Who may command; None while nobody holds a lease."""
+    motion: MotionStatus | None
+    """The motion in progress or waiting for its start."""
+    control_loop: LoopStatistics
+    """Timing of the control loop."""
+    dropped: tuple[tuple[str, int], ...]
+    """Messages that were dropped or refused since the start, by reason."""
+    next: tuple[str, ...]
+    """What may be done next, in words for a person."""
