@@ -1,0 +1,57 @@
+"""Every golden sample goes through its struct and comes out as it was."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from armada import codec, messages, methods
+from armada.codec import WireEncoding
+
+GOLDEN = Path(__file__).resolve().parents[2] / "golden"
+SAMPLES = sorted(GOLDEN.glob("*.json"))
+
+
+def type_of(stem: str) -> Any:
+    """The type that golden/README.md gives to a file."""
+    if stem == "request_empty":
+        return messages.Request[messages.Empty]
+    for prefix, rows in (
+        ("request_cell_", methods.CELL_METHODS),
+        ("request_", methods.ROBOT_METHODS),
+    ):
+        if stem.startswith(prefix):
+            name = stem.removeprefix(prefix)
+            params: Any = next(row.params for row in rows if row.name == name)
+            return messages.Request[params]
+    if stem == "answer_accepted":
+        return messages.Accepted
+    if stem == "answer_prepared":
+        return messages.Prepared
+    name = stem.removeprefix("answer_") + ("_answer" if stem.startswith("answer_") else "")
+    return getattr(messages, "".join(part.capitalize() for part in name.split("_")))
+
+
+def test_golden_samples_are_there() -> None:
+    assert len(SAMPLES) >= 30, f"samples in {GOLDEN}: {len(SAMPLES)}"
+
+
+@pytest.mark.parametrize("encoding", list(WireEncoding))
+@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
+def test_sample_is_the_same_after_decoding_and_encoding(path: Path, encoding: WireEncoding) -> None:
+    sample = json.loads(path.read_text())
+    message_type = type_of(path.stem)
+    message = codec.decode(message_type, path.read_bytes())
+    again = codec.decode(message_type, codec.encode(message, encoding), encoding.value)
+    assert again == message
+    assert json.loads(codec.encode(again)) == sample
+
+
+@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
+def test_fields_of_newer_senders_are_passed_over(path: Path) -> None:
+    sample = json.loads(path.read_text())
+    message = codec.decode(type_of(path.stem), json.dumps(sample | {"added_later": 1}).encode())
+    assert json.loads(codec.encode(message)) == sample
