@@ -27,6 +27,21 @@ const UR10E: [(f64, f64, f64); 6] = [
     (0.0, 0.11655, 0.0),
 ];
 
+/// Denavit–Hartenberg parameters `(a, d, alpha)` of the Franka Research 3 with its flange, joint by
+/// joint in Craig's convention \[m, m, rad\].
+///
+/// Source: Franka Robotics, FCI documentation, "Robot specifications".
+const FR3: [(f64, f64, f64); 8] = [
+    (0.0, 0.333, 0.0),
+    (0.0, 0.0, -FRAC_PI_2),
+    (0.0, 0.316, FRAC_PI_2),
+    (0.0825, 0.0, FRAC_PI_2),
+    (-0.0825, 0.384, -FRAC_PI_2),
+    (0.0, 0.0, FRAC_PI_2),
+    (0.088, 0.0, FRAC_PI_2),
+    (0.0, 0.107, 0.0),
+];
+
 /// Standard Denavit–Hartenberg matrix `Rz(q) Tz(d) Tx(a) Rx(alpha)`, written out.
 fn denavit_hartenberg(q: f64, (a, d, alpha): (f64, f64, f64)) -> Matrix4<f64> {
     let ((sq, cq), (sa, ca)) = (q.sin_cos(), alpha.sin_cos());
@@ -43,6 +58,29 @@ fn denavit_hartenberg(q: f64, (a, d, alpha): (f64, f64, f64)) -> Matrix4<f64> {
         sa,
         ca,
         d, //
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    )
+}
+
+/// Denavit–Hartenberg matrix in Craig's convention `Rx(alpha) Tx(a) Rz(q) Tz(d)`, written out.
+fn craig(q: f64, (a, d, alpha): (f64, f64, f64)) -> Matrix4<f64> {
+    let ((sq, cq), (sa, ca)) = (q.sin_cos(), alpha.sin_cos());
+    Matrix4::new(
+        cq,
+        -sq,
+        0.0,
+        a, //
+        sq * ca,
+        cq * ca,
+        -sa,
+        -sa * d, //
+        sq * sa,
+        cq * sa,
+        ca,
+        ca * d, //
         0.0,
         0.0,
         0.0,
@@ -73,6 +111,37 @@ proptest! {
         let difference = common::difference(&tool0(&model, &positions), &expected);
         prop_assert!(difference <= TOLERANCE, "off by {difference:e} at {positions:?}");
     }
+
+    #[test]
+    fn the_seven_axis_arm_equals_the_published_table(
+        positions in prop::array::uniform7(-PI..PI)
+    ) {
+        let model = common::own_robot("seven_axis_arm.urdf");
+        let angles = positions.iter().chain([&0.0]);
+        let expected = angles
+            .zip(FR3)
+            .fold(Matrix4::identity(), |product, (&q, row)| product * craig(q, row));
+        let difference = common::difference(&tool0(&model, &positions), &expected);
+        prop_assert!(difference <= TOLERANCE, "off by {difference:e} at {positions:?}");
+    }
+}
+
+#[test]
+fn the_seven_axis_arm_has_the_vendors_kinematics_and_limits() {
+    let Some(folder) = common::shared("robots/fr3") else { return };
+    let (own, vendor) =
+        (common::own_robot("seven_axis_arm.urdf"), common::load(&folder.join("fr3.urdf")));
+    for (own, vendor) in own.variables().zip(vendor.variables()).take(7) {
+        assert_eq!(vendor.name, format!("fr3_{}", own.name.replace('_', "")));
+        assert_eq!(own.motion.limits, vendor.motion.limits, "{}", own.name);
+    }
+    let flange = vendor.link_index("fr3_link8").expect("the vendor has a flange");
+    let ready = [0.1, -FRAC_PI_2 / 2.0, 0.2, -2.3, 0.4, 1.6, 0.8];
+    let fingers = vec![0.0; vendor.variable_count() - 7];
+    let positions = [&ready[..], &fingers[..]].concat();
+    let X_RF = vendor.link_pose(&positions, flange).expect("positions fit");
+    let difference = common::difference(&tool0(&own, &ready), &X_RF.to_homogeneous());
+    assert!(difference <= TOLERANCE, "off by {difference:e}");
 }
 
 #[test]
@@ -143,7 +212,7 @@ fn the_torso_lifts_carriage_and_head_straight_up() {
 
 #[test]
 fn own_robots_are_drawn_without_meshes() {
-    for file in ["six_axis_arm.urdf", "lift_torso.urdf"] {
+    for file in ["six_axis_arm.urdf", "seven_axis_arm.urdf", "lift_torso.urdf"] {
         let model = common::own_robot(file);
         for link in model.links() {
             let is_frame = matches!(link.name.as_str(), "flange" | "tool0");
