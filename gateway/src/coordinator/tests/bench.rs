@@ -1,0 +1,366 @@
+//! Coordinator, agents and a network between them, on an invented clock.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use armada_model::{Interpolation, JointTrajectory, MonoTime, Waypoint};
+use armada_protocol::RobotName;
+use armada_protocol::messages::{
+    CellMotionStatus, CellStatus, Denial, DenialCode, Event, StopLevel, StopRequest, StopScope,
+};
+use uuid::Uuid;
+
+use super::agent::FakeAgent;
+use crate::config::MotionTimers;
+use crate::coordinator::{
+    Action, AgentAnswer, AgentCall, AskId, CellAnswer, CellRequest, Coordinator, CoordinatorConfig,
+    Input, Ticket,
+};
+
+/// What becomes of one message.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Fate {
+    /// It arrives after so many milliseconds.
+    Arrives(u64),
+    /// It arrives twice.
+    Twice(u64, u64),
+    /// It does not arrive.
+    Lost,
+}
+
+enum Delivery {
+    ToAgent { ask: AskId, robot: RobotName, call: AgentCall, sent: MonoTime },
+    ToGateway(Input),
+}
+
+pub(super) struct Bench {
+    pub(super) now: MonoTime,
+    coordinator: Coordinator,
+    /// Agents that are there; one that is not neither hears nor speaks.
+    pub(super) agents: BTreeMap<RobotName, FakeAgent>,
+    queue: BTreeMap<(MonoTime, u64), Delivery>,
+    next: u64,
+    /// What becomes of the messages to come, again and again.
+    pub(super) fates: Vec<Fate>,
+    next_fate: usize,
+    /// Whether answers about clocks vanish.
+    pub(super) drop_clock_answers: bool,
+    /// Everything the coordinator did.
+    pub(super) actions: Vec<(MonoTime, Action)>,
+    /// Everything it took, with the number of actions before it.
+    inputs: Vec<(usize, Input)>,
+    next_ticket: u64,
+}
+
+pub(super) fn name(robot: &str) -> RobotName {
+    robot.parse().expect("a name")
+}
+
+pub(super) const fn ms(ms: u64) -> Duration {
+    Duration::from_millis(ms)
+}
+
+pub(super) const JOINTS: [&str; 2] = ["elbow_joint", "spin_joint"];
+
+/// A trajectory of these robots, as long as the model's motions are.
+pub(super) fn trajectory(robots: &[&str]) -> JointTrajectory {
+    let names = robots.iter().flat_map(|robot| JOINTS.map(|joint| format!("{robot}/{joint}")));
+    let joint_names: Vec<_> = names.collect();
+    let row = |time_from_start_s| Waypoint {
+        time_from_start_s,
+        joint_position: vec![0.0; joint_names.len()],
+        joint_velocity: Vec::new(),
+    };
+    let (waypoints, interpolation) = (vec![row(0.0), row(2.0)], Interpolation::CubicSpline);
+    JointTrajectory { waypoints, interpolation, joint_names }
+}
+
+pub(super) fn stop_request(id: u128, scope: StopScope) -> StopRequest {
+    StopRequest {
+        stop_id: Uuid::from_u128(id),
+        source: "panel".to_owned(),
+        level: StopLevel::L2,
+        scope,
+        reason: String::new(),
+        seq: 0,
+    }
+}
+
+impl Bench {
+    /// A cell of left, right and torso, all of them on the bus and known.
+    pub(super) fn new() -> Self {
+        let mut bench = Self::empty();
+        for robot in ["left", "right", "torso"] {
+            bench.appear(robot, 100);
+        }
+        bench.run(ms(300));
+        bench
+    }
+
+    /// The same before anybody is there. The clocks of the agents are hours apart.
+    pub(super) fn empty() -> Self {
+        let now = MonoTime::from_nanos(100_000_000_000_000);
+        let config = CoordinatorConfig {
+            cell: "cell".to_owned(),
+            boot_id: Uuid::from_u128(7),
+            robots: ["torso", "left", "right"].map(name).to_vec(),
+            timers: MotionTimers::default(),
+        };
+        Self {
+            now,
+            coordinator: Coordinator::new(config, now),
+            agents: BTreeMap::new(),
+            queue: BTreeMap::new(),
+            next: 0,
+            fates: vec![Fate::Arrives(1)],
+            next_fate: 0,
+            drop_clock_answers: false,
+            actions: Vec::new(),
+            inputs: Vec::new(),
+            next_ticket: 0,
+        }
+    }
+
+    /// A new run of the agent of `robot` comes up.
+    pub(super) fn appear(&mut self, robot: &str, boot: u128) {
+        let offset_s = i64::try_from(robot.len()).expect("short") * 3_600 - 18_000;
+        let boot = boot + 1_000 * robot.len() as u128;
+        let agent = FakeAgent::new(robot, boot, offset_s * 1_000_000_000);
+        self.agents.insert(name(robot), agent);
+        self.feed(Input::Presence { robot: name(robot), online: true });
+    }
+
+    /// The agent of `robot` dies.
+    pub(super) fn vanish(&mut self, robot: &str) {
+        self.agents.remove(&name(robot));
+        self.feed(Input::Presence { robot: name(robot), online: false });
+    }
+
+    pub(super) fn agent(&mut self, robot: &str) -> &mut FakeAgent {
+        self.agents.get_mut(&name(robot)).expect("is there")
+    }
+
+    pub(super) fn request(&mut self, request: CellRequest) -> Ticket {
+        let ticket = Ticket(self.next_ticket);
+        self.next_ticket += 1;
+        self.feed(Input::Request { ticket, client: "tester".to_owned(), request });
+        ticket
+    }
+
+    pub(super) fn execute(&mut self, id: u128, robots: &[&str]) -> Ticket {
+        self.execute_trajectory(id, trajectory(robots))
+    }
+
+    pub(super) fn execute_trajectory(&mut self, id: u128, trajectory: JointTrajectory) -> Ticket {
+        let motion_id = Uuid::from_u128(id);
+        self.request(CellRequest::ExecuteTrajectory { motion_id, trajectory })
+    }
+
+    pub(super) fn feed(&mut self, input: Input) {
+        self.inputs.push((self.actions.len(), input.clone()));
+        let actions = self.coordinator.handle(self.now, input);
+        assert!(self.coordinator.next_deadline() > self.now, "the timer would fire for ever");
+        for action in actions {
+            self.actions.push((self.now, action.clone()));
+            match action {
+                Action::Ask { ask, robot, call, timeout, .. } => {
+                    let denial = Denial::new(DenialCode::Timeout, "no answer");
+                    let timed_out = Input::Answer { ask, result: Err(denial) };
+                    self.push(self.now + timeout, Delivery::ToGateway(timed_out));
+                    let sent = self.now;
+                    for delay in self.delays() {
+                        let (robot, call) = (robot.clone(), call.clone());
+                        let asked = Delivery::ToAgent { ask, robot, call, sent };
+                        self.push(self.now + ms(delay), asked);
+                    }
+                }
+                Action::PublishStop(request) => {
+                    let now = self.now;
+                    for agent in self.agents.values_mut() {
+                        if request.scope.includes(&agent.robot) {
+                            agent.stop(&request, now);
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn delays(&mut self) -> Vec<u64> {
+        let fate = self.fates[self.next_fate % self.fates.len()];
+        self.next_fate += 1;
+        match fate {
+            Fate::Arrives(delay) => vec![delay],
+            Fate::Twice(first, second) => vec![first, second],
+            Fate::Lost => Vec::new(),
+        }
+    }
+
+    fn push(&mut self, at: MonoTime, delivery: Delivery) {
+        self.queue.insert((at, self.next), delivery);
+        self.next += 1;
+    }
+
+    /// Lets `time` pass.
+    pub(super) fn run(&mut self, time: Duration) {
+        let end = self.now + time;
+        let mut tick = self.now;
+        loop {
+            let queued = self.queue.first_key_value().map(|((at, _), _)| *at);
+            let due = [Some(tick), queued, Some(self.coordinator.next_deadline())];
+            let at = due.into_iter().flatten().min().expect("ticks").max(self.now);
+            if at > end {
+                self.now = end;
+                return;
+            }
+            self.now = at;
+            if at == tick {
+                tick = tick + ms(5);
+                self.agents.values_mut().for_each(|agent| agent.advance(at));
+            }
+            self.publish();
+            match self.queue.first_entry().filter(|entry| entry.key().0 <= at) {
+                Some(entry) => {
+                    let delivery = entry.remove();
+                    self.deliver(delivery);
+                }
+                None => self.feed(Input::Timer),
+            }
+        }
+    }
+
+    /// Sends what the agents published.
+    fn publish(&mut self) {
+        let published: Vec<_> = self
+            .agents
+            .values_mut()
+            .flat_map(|agent| std::mem::take(&mut agent.published))
+            .collect();
+        for input in published {
+            for delay in self.delays() {
+                self.push(self.now + ms(delay), Delivery::ToGateway(input.clone()));
+            }
+        }
+    }
+
+    fn deliver(&mut self, delivery: Delivery) {
+        match delivery {
+            Delivery::ToGateway(Input::Answer {
+                ask,
+                result: Ok(AgentAnswer::Clock { sample, sent, .. }),
+            }) => {
+                if self.drop_clock_answers {
+                    return;
+                }
+                let received = self.now;
+                let answer = AgentAnswer::Clock { sample, sent, received };
+                self.feed(Input::Answer { ask, result: Ok(answer) });
+            }
+            Delivery::ToGateway(input) => self.feed(input),
+            Delivery::ToAgent { ask, robot, call, sent } => {
+                let now = self.now;
+                let Some(agent) = self.agents.get_mut(&robot) else { return };
+                let mut result = agent.answer(&call, now);
+                if let Ok(AgentAnswer::Clock { sent: at, .. }) = &mut result {
+                    *at = sent;
+                }
+                for delay in self.delays() {
+                    let result = result.clone();
+                    self.push(
+                        self.now + ms(delay),
+                        Delivery::ToGateway(Input::Answer { ask, result }),
+                    );
+                }
+            }
+        }
+    }
+
+    pub(super) fn is_idle(&self) -> bool {
+        self.coordinator.is_idle()
+    }
+
+    /// Inputs and actions in the order in which they came and were done.
+    pub(super) fn history(&self) -> impl Iterator<Item = Result<&Input, &Action>> {
+        let mut inputs = self.inputs.iter().peekable();
+        let mut actions = self.actions.iter().enumerate().peekable();
+        std::iter::from_fn(move || {
+            let done = actions.peek().map_or(usize::MAX, |(index, _)| *index);
+            match inputs.next_if(|(before, _)| *before <= done) {
+                Some((_, input)) => Some(Ok(input)),
+                None => actions.next().map(|(_, (_, action))| Err(action)),
+            }
+        })
+    }
+
+    /// Every answer to a request.
+    pub(super) fn answers(&self, ticket: Ticket) -> Vec<&Result<CellAnswer, Denial>> {
+        let answer =
+            |action: &'_ Action| matches!(action, Action::Answer { ticket: t, .. } if *t == ticket);
+        let of_ticket = self.actions.iter().filter(|(_, action)| answer(action));
+        of_ticket
+            .filter_map(|(_, action)| {
+                if let Action::Answer { result, .. } = action { Some(result) } else { None }
+            })
+            .collect()
+    }
+
+    /// The one answer to a request that was taken.
+    pub(super) fn answer(&self, ticket: Ticket) -> &CellAnswer {
+        match self.answers(ticket).as_slice() {
+            [Ok(answer)] => answer,
+            other => panic!("expected one good answer, not {other:?}"),
+        }
+    }
+
+    /// The one answer to a request that was refused.
+    pub(super) fn denial(&self, ticket: Ticket) -> &Denial {
+        match self.answers(ticket).as_slice() {
+            [Err(denial)] => denial,
+            other => panic!("expected one denial, not {other:?}"),
+        }
+    }
+
+    /// Every status of a motion.
+    pub(super) fn motion(&self, id: u128) -> Vec<&CellMotionStatus> {
+        let id = Uuid::from_u128(id);
+        let all = self.actions.iter().filter_map(|(_, action)| match action {
+            Action::PublishMotion(status) => Some(&**status),
+            _ => None,
+        });
+        all.filter(|status| status.id == id).collect()
+    }
+
+    pub(super) fn last_motion(&self, id: u128) -> &CellMotionStatus {
+        self.motion(id).last().expect("was published")
+    }
+
+    pub(super) fn statuses(&self) -> impl DoubleEndedIterator<Item = (MonoTime, &CellStatus)> {
+        self.actions.iter().filter_map(|(at, action)| match action {
+            Action::PublishStatus(status) => Some((*at, &**status)),
+            _ => None,
+        })
+    }
+
+    pub(super) fn status(&self) -> &CellStatus {
+        self.statuses().next_back().expect("was published").1
+    }
+
+    pub(super) fn events(&self) -> impl Iterator<Item = &Event> {
+        self.actions.iter().filter_map(|(_, action)| match action {
+            Action::PublishEvent(event) => Some(&**event),
+            _ => None,
+        })
+    }
+
+    /// What was asked of a robot.
+    pub(super) fn asked<'b>(
+        &'b self,
+        robot: &'b str,
+    ) -> impl Iterator<Item = (MonoTime, &'b AgentCall)> {
+        self.actions.iter().filter_map(move |(at, action)| match action {
+            Action::Ask { robot: asked, call, .. } if asked.as_str() == robot => Some((*at, call)),
+            _ => None,
+        })
+    }
+}
