@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .messages import CellMotionStatus, Denial, DenialCode, MotionStatus
+
+_SOURCE_PLACE = re.compile(r" at \S+\.rs:\d+\.?")
+"""Where in Zenoh's source an error was made, which helps nobody here."""
 
 
 class ArmadaError(Exception):
@@ -80,7 +84,7 @@ class NotConnected(ArmadaError, ConnectionError):  # noqa: N818, says what is, a
         super().__init__(tuple(endpoints), cause)
         self.endpoints = tuple(endpoints)
         """Endpoints that were dialled."""
-        self.cause = cause
+        self.cause = _SOURCE_PLACE.sub("", cause)
         """Why, in Zenoh's words."""
 
     def __str__(self) -> str:

@@ -167,6 +167,8 @@ def test_an_endpoint_where_nobody_listens_is_told() -> None:
         with pytest.raises(NotConnected, match=endpoint) as caught:
             armada.connect(endpoint, timeout_s=0.2)
     assert isinstance(caught.value, ConnectionError)
+    assert "armada up" in str(caught.value)
+    assert ".rs:" not in str(caught.value)
 
 
 def test_an_endpoint_that_is_none_is_told() -> None:

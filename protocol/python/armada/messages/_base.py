@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from array import array
 from enum import Enum
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, TypeAlias, get_origin
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-JointVector: TypeAlias = NDArray[np.float64]
+# Spelt out: numpy's own alias is of a kind that msgspec does not know, in some versions.
+JointVector: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
 """One number per joint, read-only and finite; empty where a controller does not give the value."""
 
 RobotName: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,63}\Z")]
@@ -69,7 +70,7 @@ def joint_vector(values: ArrayLike, field: str = "values") -> JointVector:
 
 def decode_hook(expected: Any, value: Any) -> Any:
     """Makes what msgspec does not know of from what it has read."""
-    if expected is not np.ndarray and expected != JointVector:
+    if (get_origin(expected) or expected) is not np.ndarray:
         raise NotImplementedError(f"{expected} cannot be decoded")
     if not isinstance(value, list):
         raise TypeError(f"expected an array of numbers, got {type(value).__name__}")
