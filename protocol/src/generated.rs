@@ -101,11 +101,14 @@ fn methods(text: &mut String, title: &str, prefix: &str, rows: &[MethodRow]) {
             "Under `{prefix}`; the payload is `{{\"request_id\":…,\"client\":…,\"params\":…}}`.\n\n"
         ),
     );
-    text.push_str("| method | params | answer | notes |\n|---|---|---|---|\n");
+    text.push_str("| method | params | answer | wait \\[ms\\] | notes |\n|---|---|---|---|---|\n");
     for row in rows {
         put(
             text,
-            format_args!("| `{}` | {} | {} |{} |\n", row.name, row.params, row.answer, row.notes),
+            format_args!(
+                "| `{}` | {} | {} | {} |{} |\n",
+                row.name, row.params, row.answer, row.timeout_ms, row.notes
+            ),
         );
     }
 }

@@ -32,6 +32,8 @@ pub struct MethodRow {
     pub params: &'static str,
     /// Name of the type of its answer.
     pub answer: &'static str,
+    /// How long an asker waits for the answer \[ms\].
+    pub timeout_ms: u64,
     /// What it does.
     pub notes: &'static str,
 }
@@ -54,6 +56,7 @@ macro_rules! methods {
             name: $name,
             params: stringify!($params),
             answer: stringify!($answer),
+            timeout_ms: $timeout_ms,
             notes: concat!($($doc),*),
         }),+];
     };

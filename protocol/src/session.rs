@@ -33,7 +33,8 @@ pub struct SessionOptions {
     pub role: Role,
     /// Zenoh endpoints to listen on, such as `tcp/127.0.0.1:7447`.
     pub listen: Vec<String>,
-    /// Zenoh endpoints to dial; all of them, again and again until they answer.
+    /// Zenoh endpoints to dial; all of them, again and again until they answer. A client that dials
+    /// one of them reaches what that one reaches; one that dials several reaches these only.
     pub connect: Vec<String>,
     /// Prefix of every key, which keeps cells apart that share a network.
     pub namespace: Option<String>,
@@ -93,7 +94,7 @@ pub fn config(options: &SessionOptions) -> Result<Config, SessionError> {
     if let Some(open) = options.listen.iter().find(|e| !options.insecure_lan && !is_local(e)) {
         return Err(SessionError::NotLoopback(open.clone()));
     }
-    let mode = if options.role == Role::Gateway { "router" } else { "peer" };
+    let mode = mode(options);
     let mut settings = vec![
         ("mode", json!(mode)),
         ("listen/endpoints", json!(options.listen)),
@@ -121,6 +122,16 @@ pub fn config(options: &SessionOptions) -> Result<Config, SessionError> {
             .map_err(|cause| SessionError::Setting { setting, cause: cause.to_string() })?;
     }
     Ok(config)
+}
+
+/// The gateway relays between its clients and the agents, but nothing between peers. So a client
+/// that is told one endpoint is served by it, and one that is told several is linked to each.
+const fn mode(options: &SessionOptions) -> &'static str {
+    match options.role {
+        Role::Gateway => "router",
+        Role::Client if options.connect.len() == 1 => "client",
+        Role::Agent | Role::Client => "peer",
+    }
 }
 
 fn connect(options: &SessionOptions) -> serde_json::Value {
