@@ -78,7 +78,7 @@ pub mod robot {
         /// Ramps to standstill and switches the drives off.
         Disable = "disable", 8000, Empty -> ModeAnswer;
         /// Clears latched faults whose cause is gone, here and at the controller.
-        ResetErrors = "reset_errors", 4000, Empty -> ModeAnswer;
+        ResetErrors = "reset_errors", 8000, Empty -> ModeAnswer;
         /// Clears the latched stop; never moves, never enables.
         Reset = "reset", 2000, ResetParams -> ResetAnswer;
         /// Moves all joints to a position, in mode `jog`; a new goal replaces the old one.

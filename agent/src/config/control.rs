@@ -33,8 +33,8 @@ pub struct ControlConfig {
     pub standstill_velocity_m_s: f64,
     /// How long every joint must be below \[ms\], 0 to 5000; default 50.
     pub standstill_hold_ms: f64,
-    /// How long the controller has to switch its drives or clear its errors \[ms\], 100 to 60000;
-    /// default 5000.
+    /// How long the controller has to switch its drives or clear its errors \[ms\], 100 to 7000
+    /// (the contract lets clients wait 8000); default 5000.
     pub request_timeout_ms: f64,
     /// Whether drives are switched on when the controller first answers; default false, and
     /// nothing else for a real robot.
@@ -127,7 +127,7 @@ impl ControlConfig {
         check_range("standstill_velocity_rad_s", self.standstill_velocity_rad_s, 1e-5..=0.5)?;
         check_range("standstill_velocity_m_s", self.standstill_velocity_m_s, 1e-6..=0.5)?;
         check_range("standstill_hold_ms", self.standstill_hold_ms, 0.0..=5e3)?;
-        check_range("request_timeout_ms", self.request_timeout_ms, 100.0..=6e4)?;
+        check_range("request_timeout_ms", self.request_timeout_ms, 100.0..=7e3)?;
         match self.realtime.priority {
             Some(priority) => check_range("realtime.priority", f64::from(priority), 1.0..=99.0),
             None => Ok(()),

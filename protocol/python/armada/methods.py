@@ -51,7 +51,7 @@ ENABLE: Final = Method("enable", 8.0, Empty, ModeAnswer)
 """Switches the drives on; answered when the controller reports them on."""
 DISABLE: Final = Method("disable", 8.0, Empty, ModeAnswer)
 """Ramps to standstill and switches the drives off."""
-RESET_ERRORS: Final = Method("reset_errors", 4.0, Empty, ModeAnswer)
+RESET_ERRORS: Final = Method("reset_errors", 8.0, Empty, ModeAnswer)
 """Clears latched faults whose cause is gone, here and at the controller."""
 RESET: Final = Method("reset", 2.0, ResetParams, ResetAnswer)
 """Clears the latched stop; never moves, never enables."""
