@@ -3,6 +3,7 @@
 //! A global allocator counts what this thread asks of it, and what it gives back: to free memory
 //! may block as long as to get it.
 
+#![expect(clippy::expect_used, reason = "a test fails by panicking")]
 #![expect(unsafe_code, reason = "a global allocator cannot be written without")]
 
 use std::alloc::{GlobalAlloc, Layout, System};

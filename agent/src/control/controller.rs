@@ -87,7 +87,6 @@ impl Controller {
         if self.pending.len() >= room {
             return Err(Refusal::TooManyPending);
         }
-        self.ask_at_once(request);
         let pending = Pending { ticket, request, deadline };
         self.pending.try_push(pending).map_err(|_| Refusal::TooManyPending)
     }

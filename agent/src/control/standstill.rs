@@ -5,10 +5,16 @@
 //! leave its place by more than the threshold speed would carry it in the hold time. Without
 //! feedback nothing is known, so nothing stands.
 
+use std::time::Duration;
+
 use armada_model::{JointVector, MonoTime};
 
 use super::io::Params;
 use crate::drivers::Feedback;
+
+/// How much longer than the hold time it may take until standstill is shown: the robot's lag, and
+/// some swinging.
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// What was measured since the set-points came to rest.
 #[derive(Clone, Copy, Debug, Default)]
@@ -65,8 +71,8 @@ impl Standstill {
 
     /// Whether it should have been shown long ago.
     pub(super) fn is_overdue(&self, params: &Params, now: MonoTime) -> bool {
-        let patience = params.standstill_hold + params.request_timeout;
-        self.quiet_since.is_some_and(|since| now.saturating_since(since) > patience)
+        let longest = params.standstill_hold + PATIENCE;
+        self.quiet_since.is_some_and(|since| now.saturating_since(since) > longest)
     }
 
     fn is_slow(&self, params: &Params, feedback: &Feedback) -> bool {

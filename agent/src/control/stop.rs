@@ -18,8 +18,8 @@
 //! | L1 | ramp, then hold until the drives are off | off after measured standstill |
 //! | L0 | none | off at once |
 //!
-//! If standstill after an L1 ramp is not measured within the hold time and the time the controller
-//! has for a request, the drives go off all the same: something moves that should not.
+//! If standstill after an L1 ramp is not measured half a second after the hold time, the drives go
+//! off all the same: something moves that should not.
 //!
 //! The stages are reported in their order and never skipped, since whoever reads the highest takes
 //! it for proof of the lower: a robot whose drives are off need not stand. `Commanded` is said in

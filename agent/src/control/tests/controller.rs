@@ -223,6 +223,17 @@ fn a_fault_that_comes_after_the_reset_was_asked_for_is_not_cleared_by_it() {
 }
 
 #[test]
+fn a_fault_of_the_same_tick_is_not_cleared_by_a_reset_that_cannot_know_of_it() {
+    let mut rig = Rig::in_mode(Trajectory);
+    rig.plant.ready = false;
+    let refusal = Refusal::CauseRemains(FaultCode::NotReady);
+    assert_eq!(rig.ask(Order::ResetErrors), Err(refusal));
+    assert_eq!(rig.mode(), InvalidState);
+    assert!(rig.ask(Order::ResetErrors).is_ok());
+    assert_eq!(rig.mode(), Halt);
+}
+
+#[test]
 fn too_many_waiting_requests_are_refused_but_a_disable_always_has_room() {
     let mut rig = disabled();
     rig.plant.obeys_after = None;

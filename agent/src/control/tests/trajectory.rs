@@ -45,6 +45,18 @@ fn the_set_points_are_the_samples_and_the_last_is_the_last_waypoint_bit_for_bit(
 }
 
 #[test]
+fn a_duration_just_beyond_a_whole_number_of_periods_ends_exactly_too() {
+    let mut rig = Rig::in_mode(Trajectory);
+    // As 0.1 + 0.1 + 0.1 is beyond 0.3: no period more for that, but the last waypoint exactly.
+    let path = trajectory(&[(0.0, [0.0; 3]), (1.4 + 1e-12, END)]);
+    rig.commands.clear();
+    rig.follow(1, &path).expect("granted");
+    rig.until("the end", |rig| rig.ended(1).is_some());
+    assert_eq!(rig.commands.len(), 1 + 350);
+    assert_eq!(rig.commands.last().expect("sent").joint_position, joints(END));
+}
+
+#[test]
 fn progress_is_told_while_it_runs() {
     let mut rig = Rig::in_mode(Trajectory);
     rig.follow(1, &path()).expect("granted");
