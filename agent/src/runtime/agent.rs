@@ -28,10 +28,12 @@ use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
 use super::publisher::Publisher;
+use super::realtime::RealtimeReport;
 use super::requests::Requests;
 use super::robot::Robot;
 use super::stop_gate::StopGate;
 use super::stop_intake::StopIntake;
+use super::wake_log::WakeLog;
 use super::words::Vocabulary;
 use crate::config::{ConfigError, RobotConfig};
 use crate::control::{Input, LoopRequest, LoopState, Params, ParamsError, step};
@@ -97,6 +99,7 @@ pub struct Agent {
     requests: Arc<Requests>,
     board: Arc<SharedBoard>,
     remarks: mpsc::Sender<Remark>,
+    realtime: RealtimeReport,
     shutdown: Arc<AtomicBool>,
     loop_thread: JoinHandle<()>,
     publisher: JoinHandle<()>,
@@ -110,6 +113,17 @@ impl Agent {
     /// # Errors
     /// [`AgentError`]: nothing runs then.
     pub async fn start(options: AgentOptions) -> Result<Self, AgentError> {
+        Self::start_measured(options, None).await
+    }
+
+    /// As [`Self::start`]; the control loop writes its wake-ups to `wake_log`.
+    ///
+    /// # Errors
+    /// [`AgentError`]: nothing runs then.
+    pub async fn start_measured(
+        options: AgentOptions,
+        wake_log: Option<WakeLog>,
+    ) -> Result<Self, AgentError> {
         let robot = Robot::load(&options)?;
         let session = bus::open_session(&options, &robot.config).await?;
         bus::refuse_taken_name(&session, &robot.config).await?;
@@ -118,7 +132,9 @@ impl Agent {
         let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
         let publisher = shared.publisher(&session, &robot, publisher_end, to_desk).await?;
         let publisher = spawn_publisher(publisher, &robot.config)?;
-        let running = shared.loop_thread(&robot, loop_end, publisher.thread().clone())?.start()?;
+        let mut loop_thread = shared.loop_thread(&robot, loop_end, publisher.thread().clone())?;
+        loop_thread.wake_log = wake_log;
+        let running = loop_thread.start()?;
         info!(robot = %robot.config.robot, period_ms = robot.config.control.period_ms,
             scheduling = %running.realtime, "control loop runs");
         let gate = Arc::clone(&shared.gate);
@@ -136,6 +152,7 @@ impl Agent {
             requests,
             board: shared.board,
             remarks,
+            realtime: running.realtime,
             shutdown: shared.shutdown,
             loop_thread: running.thread,
             publisher,
@@ -144,6 +161,12 @@ impl Agent {
         };
         agent.remark(EventKind::Started, format!("agent {} started", env!("CARGO_PKG_VERSION")));
         Ok(agent)
+    }
+
+    /// How the control loop's thread is scheduled.
+    #[must_use]
+    pub const fn realtime(&self) -> &RealtimeReport {
+        &self.realtime
     }
 
     /// Ramps the robot to standstill, says goodbye and ends.
@@ -266,6 +289,7 @@ impl Shared {
             ticks_per_sample: robot.ticks_per_sample(),
             publisher,
             shutdown: Arc::clone(&self.shutdown),
+            wake_log: None,
         })
     }
 

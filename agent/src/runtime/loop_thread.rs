@@ -21,6 +21,7 @@ use super::mailbox::{Latest, LoopEnd};
 use super::meter::Meter;
 use super::realtime::{self, RealtimeReport};
 use super::stop_gate::StopGate;
+use super::wake_log::WakeLog;
 use crate::config::RealtimeConfig;
 use crate::control::{Input, LoopState, Output, Params, step};
 use crate::drivers::{Driver, Pacing};
@@ -41,6 +42,8 @@ pub(super) struct LoopThread {
     /// Woken when there is something to publish.
     pub(super) publisher: Thread,
     pub(super) shutdown: Arc<AtomicBool>,
+    /// For who measures this loop.
+    pub(super) wake_log: Option<WakeLog>,
 }
 
 /// A running loop.
@@ -74,6 +77,9 @@ impl LoopThread {
             let missed = whole_periods(woke.saturating_since(deadline), period);
             let tick = deadline + period * u32::try_from(missed).unwrap_or(u32::MAX);
             self.meter.count_tick(woke.saturating_since(deadline), missed);
+            if let Some(log) = &mut self.wake_log {
+                log.note(tick, woke);
+            }
             loop_error = !self.tick(woke, tick, loop_error, &mut due);
             deadline = tick + period;
             if monotonic() > deadline {

@@ -32,6 +32,7 @@ mod requests;
 mod robot;
 mod stop_gate;
 mod stop_intake;
+mod wake_log;
 mod words;
 
 pub use agent::{Agent, AgentError, AgentOptions};
@@ -39,3 +40,4 @@ pub use clock::{monotonic, sleep_until, utc_ns};
 pub use emulation::{Emulation, EmulationError};
 pub use link::LinkError;
 pub use realtime::{RealtimeReport, enter};
+pub use wake_log::{Wake, WakeLog, WakeReader, wake_log};
