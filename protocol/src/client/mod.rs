@@ -25,7 +25,7 @@ use crate::messages::{
     RobotInfo, RobotStatus,
 };
 use crate::method::Method;
-use crate::session::{self, DEFAULT_GATEWAY_ENDPOINT, Role, SessionOptions};
+use crate::session::{self, DEFAULT_GATEWAY_ENDPOINT, Role, SessionError, SessionOptions};
 
 /// Pause before a request that nobody answered is repeated.
 const RETRY_PAUSE: Duration = Duration::from_millis(50);
@@ -36,7 +36,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
 /// How long to wait for the other endpoints after the first; they are dialled further.
 const CONNECT_GRACE: Duration = Duration::from_millis(150);
 /// Pause between looks at the links.
-const CONNECT_PAUSE: Duration = Duration::from_millis(2);
+const CONNECT_PAUSE: Duration = Duration::from_millis(4);
 
 /// How a client reaches its cell.
 #[derive(Clone, Debug)]
@@ -64,6 +64,8 @@ impl Default for ClientOptions {
 pub struct Client {
     session: Session,
     name: String,
+    /// How many endpoints were dialled.
+    endpoints: usize,
 }
 
 impl Client {
@@ -73,6 +75,18 @@ impl Client {
     /// [`ClientError::Session`] if no session can be opened, [`ClientError::NobodyThere`] if
     /// neither a gateway nor an agent answers at the endpoints.
     pub async fn connect(options: ClientOptions) -> Result<Self, ClientError> {
+        let client = Self::connect_at_once(options).await?;
+        client.wait_for_late_links(|| std::future::ready(Ok(()))).await?;
+        Ok(client)
+    }
+
+    /// Connects to a cell as soon as one of the endpoints answers; the others come in as they do.
+    ///
+    /// This is for [`Self::stop`], which goes out at once and again to those that come late.
+    ///
+    /// # Errors
+    /// As [`Self::connect`].
+    pub async fn connect_at_once(options: ClientOptions) -> Result<Self, ClientError> {
         let session = session::open(&SessionOptions {
             role: Role::Client,
             listen: Vec::new(),
@@ -80,24 +94,50 @@ impl Client {
             namespace: options.namespace,
             insecure_lan: false,
         })
-        .await?;
-        if wait_for_links(&session, options.connect.len()).await {
-            Ok(Self { session, name: options.name })
-        } else {
-            Err(ClientError::NobodyThere { endpoints: options.connect })
+        .await
+        .map_err(|error| nobody_there(error, &options.connect))?;
+        let client = Self { session, name: options.name, endpoints: options.connect.len() };
+        let deadline = now() + CONNECT_TIMEOUT;
+        while client.links().await == 0 {
+            if now() >= deadline {
+                return Err(ClientError::NobodyThere { endpoints: options.connect });
+            }
+            tokio::time::sleep(CONNECT_PAUSE).await;
         }
+        Ok(client)
     }
 
     /// The asking end of a session that is open already; `name` is given with every request.
     #[must_use]
     pub fn on_session(session: Session, name: impl Into<String>) -> Self {
-        Self { session, name: name.into() }
+        Self { session, name: name.into(), endpoints: 0 }
     }
 
     /// The Zenoh session beneath.
     #[must_use]
     pub const fn session(&self) -> &Session {
         &self.session
+    }
+
+    async fn links(&self) -> usize {
+        self.session.info().transports().await.count()
+    }
+
+    /// Waits until every endpoint is linked, but not for long: one may be dead. Does `meanwhile`
+    /// again and again.
+    async fn wait_for_late_links<F>(
+        &self,
+        mut meanwhile: impl FnMut() -> F,
+    ) -> Result<(), ClientError>
+    where
+        F: Future<Output = Result<(), ClientError>>,
+    {
+        let patience = now() + CONNECT_GRACE;
+        while self.links().await < self.endpoints && now() < patience {
+            meanwhile().await?;
+            tokio::time::sleep(CONNECT_PAUSE).await;
+        }
+        Ok(())
     }
 
     /// Asks a robot's agent.
@@ -311,24 +351,13 @@ impl Client {
     }
 }
 
-/// Waits until every endpoint is linked, or some are and the others keep silent for a while; a dead
-/// gateway must not delay a stop. Returns whether there is a link at all.
-async fn wait_for_links(session: &Session, endpoints: usize) -> bool {
-    let deadline = now() + CONNECT_TIMEOUT;
-    let mut first: Option<Instant> = None;
-    loop {
-        let links = session.info().transports().await.count();
-        if links > 0 && links >= endpoints {
-            return true;
+/// A session with one endpoint is not even opened if nobody answers there.
+fn nobody_there(error: SessionError, endpoints: &[String]) -> ClientError {
+    match error {
+        SessionError::Open { cause, .. } if cause.contains("Unable to connect") => {
+            ClientError::NobodyThere { endpoints: endpoints.to_vec() }
         }
-        if links > 0 && first.is_none() {
-            first = Some(now());
-        }
-        let patience = first.map_or(deadline, |first| first + CONNECT_GRACE);
-        if now() >= patience {
-            return links > 0;
-        }
-        tokio::time::sleep(CONNECT_PAUSE).await;
+        other => ClientError::Session(other),
     }
 }
 

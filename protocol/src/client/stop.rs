@@ -41,6 +41,8 @@ impl Client {
         let deadline = now() + options.timeout;
         let acks = self.subscribe::<StopAck>(&keys::ROBOT_STOP_ACK.any(), 256).await?;
         self.publish_stop(&request).await?;
+        // Who comes in late gets it as well, and only then is it looked who is there.
+        self.wait_for_late_links(|| self.publish_stop(&request)).await?;
         let asked = self.ask_to_stop(&keys::ROBOT_STOP.any(), &request, options.timeout).await?;
         let in_scope = self.robots_in_scope(&request.scope, options.expected).await?;
         let mut ladder = Ladder::new(request.stop_id, in_scope);
