@@ -157,18 +157,18 @@ impl CellAddress {
         }
     }
 
-    /// Connects to the gateway and every agent at once: the shortest path of a stop.
-    pub(crate) async fn connect_all(&self) -> Result<Client, ClientError> {
-        self.connect(self.first.iter().chain(&self.agents).cloned().collect()).await
+    /// Connects to the gateway and every agent, whoever answers first: the shortest path of a stop.
+    pub(crate) async fn connect_for_stop(&self) -> Result<Client, ClientError> {
+        let endpoints = self.first.iter().chain(&self.agents).cloned().collect();
+        Client::connect_at_once(self.options(endpoints)).await
     }
 
     async fn connect(&self, endpoints: Vec<String>) -> Result<Client, ClientError> {
-        Client::connect(ClientOptions {
-            name: client_name(),
-            connect: endpoints,
-            namespace: self.namespace.clone(),
-        })
-        .await
+        Client::connect(self.options(endpoints)).await
+    }
+
+    fn options(&self, endpoints: Vec<String>) -> ClientOptions {
+        ClientOptions { name: client_name(), connect: endpoints, namespace: self.namespace.clone() }
     }
 }
 

@@ -11,7 +11,7 @@ use armada_protocol::messages::{
 use armada_protocol::method::robot::{Halt, SetMode};
 use armada_protocol::{RobotName, keys};
 use serde_json::Value;
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 use uuid::Uuid;
 
 use crate::clock;
@@ -117,7 +117,7 @@ impl Follower {
         }
     }
 
-    /// Waits until the motion has ended or Ctrl-C comes, and shows how it goes on.
+    /// Waits until the motion has ended or Ctrl-C comes, with its progress on standard error.
     ///
     /// # Errors
     /// If it has not ended within `limit`; without a limit, if nothing is heard of it for long.
@@ -127,32 +127,42 @@ impl Follower {
         title: &str,
         limit: Option<Duration>,
     ) -> anyhow::Result<Waited> {
+        tokio::select! {
+            _ = tokio::signal::ctrl_c() => Ok(Waited::Interrupted),
+            view = self.end(client, title, limit) => Ok(Waited::Ended(Box::new(view?))),
+        }
+    }
+
+    /// As [`Self::wait`], but Ctrl-C is for the caller to see.
+    ///
+    /// # Errors
+    /// As [`Self::wait`].
+    pub(crate) async fn end(
+        &self,
+        client: &Client,
+        title: &str,
+        limit: Option<Duration>,
+    ) -> anyhow::Result<MotionView> {
         let mut progress = Progress::new();
-        let interrupted = tokio::signal::ctrl_c();
-        tokio::pin!(interrupted);
         let mut deadline = Instant::from_std(clock::now() + limit.unwrap_or(LONGEST_SILENCE));
         loop {
-            let update = tokio::select! {
-                _ = &mut interrupted => return Ok(Waited::Interrupted),
-                () = tokio::time::sleep_until(deadline) => {
+            match timeout_at(deadline, self.next(client)).await {
+                Err(_) => {
                     bail!("{title}: no end in time; it may still be moving, see `armada status`")
                 }
-                update = self.next(client) => update,
-            };
-            match update {
-                Ok(view) if view.status.is_terminal() => return Ok(Waited::Ended(Box::new(view))),
-                Ok(view) => {
+                Ok(Ok(view)) if view.status.is_terminal() => return Ok(view),
+                Ok(Ok(view)) => {
                     progress.show(&progress_line(title, &view));
                     if limit.is_none() {
                         deadline = Instant::from_std(clock::now() + LONGEST_SILENCE);
                     }
                 }
                 // Asked again until the deadline: an agent or a link may be back by then.
-                Err(ClientError::NoReply { .. } | ClientError::Timeout { .. }) => {
+                Ok(Err(ClientError::NoReply { .. } | ClientError::Timeout { .. })) => {
                     progress.show(&format!("{title}: no status"));
                     sleep(LOOK_PAUSE).await;
                 }
-                Err(error) => return Err(error).context(title.to_owned()),
+                Ok(Err(error)) => return Err(error).context(title.to_owned()),
             }
         }
     }

@@ -6,6 +6,7 @@
 use std::cell::Cell;
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -70,10 +71,17 @@ impl Output {
     }
 }
 
+/// Whether a progress line stands on the terminal, which another text has to remove first.
+static PROGRESS_SHOWN: AtomicBool = AtomicBool::new(false);
+
+const CLEAR_LINE: &str = "\r\x1b[2K";
+
 /// Tells the person something that is no result, on standard error.
 pub(crate) fn note(text: impl Display) {
+    let mut stderr = io::stderr().lock();
+    let clear = if PROGRESS_SHOWN.swap(false, Ordering::Relaxed) { CLEAR_LINE } else { "" };
     // Nobody to tell is no reason to fail.
-    drop(writeln!(io::stderr().lock(), "{text}"));
+    drop(writeln!(stderr, "{clear}{text}"));
 }
 
 /// Tells why the command failed, with every cause.
@@ -96,13 +104,12 @@ fn chain(error: &anyhow::Error) -> String {
 #[derive(Debug)]
 pub(crate) struct Progress {
     terminal: bool,
-    shown: bool,
     last_plain: Option<Instant>,
 }
 
 impl Progress {
     pub(crate) fn new() -> Self {
-        Self { terminal: io::stderr().is_terminal(), shown: false, last_plain: None }
+        Self { terminal: io::stderr().is_terminal(), last_plain: None }
     }
 
     /// Shows `text` in place of what was shown before.
@@ -111,27 +118,21 @@ impl Progress {
         if self.terminal {
             let width = ratatui::crossterm::terminal::size().map_or(80, |(columns, _)| columns);
             let text: String = text.chars().take(usize::from(width.max(2)) - 1).collect();
-            drop(write!(stderr, "\r\x1b[2K{text}").and_then(|()| stderr.flush()));
-            self.shown = true;
+            drop(write!(stderr, "{CLEAR_LINE}{text}").and_then(|()| stderr.flush()));
+            PROGRESS_SHOWN.store(true, Ordering::Relaxed);
         } else if self.last_plain.is_none_or(|last| last.elapsed() >= PLAIN_PROGRESS) {
             drop(writeln!(stderr, "{text}"));
             self.last_plain = Some(clock::now());
-        }
-    }
-
-    /// Removes the line, to make room for another text.
-    pub(crate) fn clear(&mut self) {
-        if self.shown {
-            let mut stderr = io::stderr().lock();
-            drop(write!(stderr, "\r\x1b[2K").and_then(|()| stderr.flush()));
-            self.shown = false;
         }
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.clear();
+        if PROGRESS_SHOWN.swap(false, Ordering::Relaxed) {
+            let mut stderr = io::stderr().lock();
+            drop(write!(stderr, "{CLEAR_LINE}").and_then(|()| stderr.flush()));
+        }
     }
 }
 

@@ -121,13 +121,14 @@ impl Jog {
         Ok(Self { robot, accepted, follower })
     }
 
-    /// Follows it, with its progress on standard error; at most for `limit`.
-    pub(crate) async fn wait(
-        &self,
-        client: &Client,
-        limit: Option<Duration>,
-    ) -> anyhow::Result<Waited> {
-        self.follower.wait(client, self.robot.as_str(), limit).await
+    /// Whose move it is.
+    pub(crate) const fn robot(&self) -> &RobotName {
+        &self.robot
+    }
+
+    /// Waits for its end, with its progress on standard error; Ctrl-C is for the caller to see.
+    pub(crate) async fn end(&self, client: &Client) -> anyhow::Result<MotionView> {
+        self.follower.end(client, self.robot.as_str(), None).await
     }
 
     fn report_accepted(&self, out: &Output) -> anyhow::Result<Exit> {
@@ -146,7 +147,7 @@ impl Jog {
         limit: Option<Duration>,
         out: &Output,
     ) -> anyhow::Result<Exit> {
-        match self.wait(client, limit).await? {
+        match self.follower.wait(client, self.robot.as_str(), limit).await? {
             Waited::Ended(view) => report_end(self.robot.as_str(), &view, out),
             Waited::Interrupted => {
                 note(format_args!("Ctrl-C: halting {}", self.robot));
@@ -157,7 +158,7 @@ impl Jog {
     }
 
     /// Halts the robot and tells whether its motion has ended.
-    pub(crate) async fn halt(&self, client: &Client, out: &Output) -> anyhow::Result<()> {
+    async fn halt(&self, client: &Client, out: &Output) -> anyhow::Result<()> {
         client.call::<Halt>(&self.robot, Empty {}).await?;
         match self.follower.wait_for_end(client, HALT_TIMEOUT).await {
             Some(view) => report_end(self.robot.as_str(), &view, out).map(|_| ()),

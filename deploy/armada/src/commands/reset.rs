@@ -134,7 +134,8 @@ fn report(answer: &CellResetAnswer, out: &Output) -> anyhow::Result<Exit> {
         out.json(answer)?;
     } else {
         for (robot, stops) in &answer.reset {
-            out.line(format_args!("{robot}: reset, {} stops cleared", stops.len()))?;
+            let cleared = if stops.len() == 1 { "stop" } else { "stops" };
+            out.line(format_args!("{robot}: reset, {} {cleared} cleared", stops.len()))?;
         }
         if answer.reset.is_empty() && answer.refused.is_empty() {
             out.line("no stop is latched")?;

@@ -20,25 +20,25 @@ use crate::words;
 /// Time for every robot to be measured to stand still.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Arguments of `armada stop`.
-#[derive(Args, Debug)]
-#[command(
-    long_about = "Stop robots and keep them stopped until a reset.
+/// What `armada stop --help` begins with.
+pub(crate) const LONG_ABOUT: &str = "Stop robots and keep them stopped until a reset.
 
 The stop goes to the gateway and to every agent that is known at once, so it works while the gateway \
 is dead. It needs no lease and is never refused. It is complete only if every robot in scope was \
 measured to stand still.
 
 THIS IS AN OPERATIONAL STOP OVER A NETWORK, NEVER A RATED SAFETY FUNCTION. It does not replace the \
-emergency stop of a robot: where people can be hurt, press that.",
-    after_help = "Examples:
+emergency stop of a robot: where people can be hurt, press that.";
+
+/// Arguments of `armada stop`.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
   armada stop                                all robots, controlled, drives stay on
   armada stop left_arm --level L1            one robot, controlled, then drives off
   armada stop --level L0 --reason 'smoke'    drives off at once, brakes do the rest
   armada reset                               afterwards, when it is safe
 
-Exit code 0: every robot stands still. 5: not every one is known to: go and look."
-)]
+Exit code 0: every robot stands still. 5: not every one is known to: go and look.")]
 pub(crate) struct StopArgs {
     /// Robots to stop; every robot of the cell if left out
     #[arg(value_name = "ROBOT")]
@@ -89,7 +89,7 @@ pub(crate) struct Outcome {
 /// Stops, and prints how far each robot has come.
 pub(crate) async fn run(args: StopArgs) -> anyhow::Result<Exit> {
     let address = args.cell.address()?;
-    let client = address.connect_all().await?;
+    let client = address.connect_for_stop().await?;
     let request = request(args.robots, args.level.into(), args.reason);
     let limit = args.cell.timeout_or(TIMEOUT);
     let outcome = stop(&client, &address, request, limit).await?;

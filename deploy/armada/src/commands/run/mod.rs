@@ -6,6 +6,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use anyhow::bail;
 use armada_model::JointTrajectory;
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
@@ -24,6 +25,7 @@ use crate::commands::jog::{Jog, commanded, parse_fraction, report_end};
 use crate::exit::Exit;
 use crate::motion::{Follower, Mover, Waited, end_line, enter_mode, next_state};
 use crate::output::{Output, note};
+use crate::standstill;
 
 /// Speed of the way to the first waypoint, as a fraction of the joints' limits.
 pub(crate) const APPROACH_SPEED: f64 = 0.3;
@@ -70,7 +72,7 @@ pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
     let out = args.cell.output();
     for round in 1..=args.repeat.get() {
         if !args.no_approach
-            && let Exit::Interrupted = approach(&client, &plan, &out).await?
+            && let Exit::Interrupted = approach_or_halt(&client, &plan).await?
         {
             return Ok(Exit::Interrupted);
         }
@@ -86,38 +88,50 @@ pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
     Ok(Exit::Success)
 }
 
-/// Moves every robot that is not there to its first waypoint, all at once.
-pub(crate) async fn approach(client: &Client, plan: &Plan, out: &Output) -> anyhow::Result<Exit> {
-    let mut jogs = Vec::new();
+/// Moves every robot that is not there to its first waypoint, all at once. Ctrl-C is for the caller
+/// to see; the robots then have to be halted.
+///
+/// # Errors
+/// If a robot refuses, or does not get there.
+pub(crate) async fn approach(client: &Client, plan: &Plan) -> anyhow::Result<()> {
+    // All are asked before any moves: one that is missing must not leave the others half way.
+    let mut away = Vec::new();
     for part in plan.parts() {
         let info = client.robot_info(&part.robot).await?;
         let state = next_state(client, &part.robot, STATE_TIMEOUT).await?;
         let goal = part.first_waypoint(&info)?;
-        if part.is_there(&goal, commanded(&state)) {
-            continue;
+        if !part.is_there(&goal, commanded(&state)) {
+            away.push((info, goal));
         }
-        note(format_args!("{}: moving to the first waypoint", part.robot));
+    }
+    let mut jogs = Vec::new();
+    for (info, goal) in away {
+        note(format_args!("{}: moving to the first waypoint", info.robot));
         jogs.push(Jog::start(client, &info, goal, APPROACH_SPEED).await?);
     }
-    for (index, jog) in jogs.iter().enumerate() {
-        let view = match jog.wait(client, None).await? {
-            Waited::Ended(view) => view,
-            Waited::Interrupted => {
-                note("Ctrl-C: halting the robots");
-                for jog in jogs.iter().skip(index) {
-                    jog.halt(client, out).await?;
-                }
-                return Ok(Exit::Interrupted);
-            }
-        };
+    for jog in &jogs {
+        let view = jog.end(client).await?;
         if view.status != ActionStatus::Complete {
-            for jog in jogs.iter().skip(index + 1) {
-                jog.halt(client, out).await?;
-            }
-            anyhow::bail!("not at the first waypoint: {}", end_line("approach", &view));
+            bail!("not at the first waypoint: {}", end_line(jog.robot().as_str(), &view));
         }
     }
-    Ok(Exit::Success)
+    Ok(())
+}
+
+/// The approach; when it fails or Ctrl-C comes, every robot of the plan is halted.
+async fn approach_or_halt(client: &Client, plan: &Plan) -> anyhow::Result<Exit> {
+    let result = tokio::select! {
+        _ = tokio::signal::ctrl_c() => {
+            note("Ctrl-C: halting the robots");
+            Ok(Exit::Interrupted)
+        }
+        done = approach(client, plan) => done.map(|()| Exit::Success),
+    };
+    if !matches!(result, Ok(Exit::Success)) {
+        let robots: Vec<_> = plan.parts().iter().map(|part| part.robot.clone()).collect();
+        standstill::halt_and_report(client, &robots).await;
+    }
+    result
 }
 
 async fn once(

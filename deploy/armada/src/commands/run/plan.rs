@@ -120,6 +120,11 @@ fn owner(name: &str, robot: Option<&RobotName>) -> Result<(RobotName, String), U
 }
 
 impl Part {
+    /// Names of its joints, in the order of the file.
+    pub(crate) fn joints(&self) -> impl Iterator<Item = &str> {
+        self.first.iter().map(|(name, _)| name.as_str())
+    }
+
     /// Where the joints are at the first waypoint, in the robot's order \[rad or m\].
     ///
     /// # Errors

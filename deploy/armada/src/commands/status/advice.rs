@@ -8,7 +8,7 @@ use armada_protocol::messages::{
 use crate::words;
 
 /// One line for each thing that keeps the robot from moving; none if all is well.
-pub(super) fn of(robot: &RobotName, status: &CellRobotStatus) -> Vec<String> {
+pub(crate) fn of(robot: &RobotName, status: &CellRobotStatus) -> Vec<String> {
     match status.presence {
         Presence::NeverSeen => {
             return vec![format!(

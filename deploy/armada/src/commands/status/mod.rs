@@ -1,6 +1,6 @@
 //! `armada status`.
 
-mod advice;
+pub(crate) mod advice;
 mod gather;
 mod text;
 

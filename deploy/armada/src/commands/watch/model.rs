@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use armada_model::MonoTime;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{RobotInfo, RobotState, RobotStatus};
 
@@ -23,7 +24,8 @@ pub(super) struct Model {
     /// Whether the keys are explained.
     pub(super) help: bool,
     last_state: Option<Duration>,
-    arrivals: VecDeque<Duration>,
+    /// When each of the last states came, and its own stamp.
+    arrivals: VecDeque<(Duration, MonoTime)>,
 }
 
 impl Model {
@@ -42,10 +44,16 @@ impl Model {
 
     /// Takes a state that came at `now`.
     pub(super) fn take_state(&mut self, now: Duration, state: RobotState) {
-        self.state = Some(state);
+        if self.state.as_ref().is_some_and(|last| last.boot_id != state.boot_id) {
+            // Stamps of two runs of an agent have nothing in common.
+            self.arrivals.clear();
+        }
+        self.arrivals.push_back((now, state.stamp_ns));
+        while self.arrivals.front().is_some_and(|(at, _)| now.saturating_sub(*at) > RATE_WINDOW) {
+            self.arrivals.pop_front();
+        }
         self.last_state = Some(now);
-        self.arrivals.push_back(now);
-        self.forget(now);
+        self.state = Some(state);
     }
 
     /// Takes a status.
@@ -64,28 +72,20 @@ impl Model {
         self.last_state.map(|last| now.saturating_sub(last))
     }
 
-    /// How often states come \[Hz\].
+    /// How often states come \[Hz\], by their own stamps: they may be taken several at once.
     pub(super) fn rate_hz(&self, now: Duration) -> f64 {
-        let recent = |at: &&Duration| now.saturating_sub(**at) <= RATE_WINDOW;
-        let times: Vec<&Duration> = self.arrivals.iter().filter(recent).collect();
-        match (times.first(), times.last()) {
-            (Some(&&first), Some(_)) if now > first && times.len() > 1 => {
-                (times.len() - 1) as f64 / now.saturating_sub(first).as_secs_f64()
-            }
-            _ => 0.0,
-        }
-    }
-
-    fn forget(&mut self, now: Duration) {
-        while self.arrivals.front().is_some_and(|at| now.saturating_sub(*at) > RATE_WINDOW) {
-            self.arrivals.pop_front();
-        }
+        let recent = |(at, _): &&(Duration, MonoTime)| now.saturating_sub(*at) <= RATE_WINDOW;
+        let mut stamps = self.arrivals.iter().filter(recent).map(|(_, stamp)| *stamp);
+        let Some(first) = stamps.next() else { return 0.0 };
+        let (more, last) = stamps.fold((0, first), |(count, _), stamp| (count + 1, stamp));
+        let span = last.saturating_since(first).as_secs_f64();
+        if span > 0.0 { f64::from(more) / span } else { 0.0 }
     }
 }
 
 #[cfg(test)]
 pub(super) mod tests {
-    use armada_model::{JointLimits, JointType, JointVector, MonoTime, Pose};
+    use armada_model::{JointLimits, JointType, JointVector, Pose};
     use armada_protocol::messages::{
         CommandMode, ControllerState, Fault, FaultCode, JointInfo, LoopStatistics, MotionProgress,
         OperationalMode, RobotFlags, SchedulingPolicy, TcpState,
@@ -199,7 +199,9 @@ pub(super) mod tests {
         model.info = Some(info());
         model.take_status(status());
         for tick in 0..=100 {
-            model.take_state(Duration::from_millis(tick * 10), state());
+            let at = Duration::from_millis(tick * 10);
+            let stamp_ns = MonoTime::ZERO + at;
+            model.take_state(at, RobotState { stamp_ns, ..state() });
         }
         model
     }
@@ -209,6 +211,16 @@ pub(super) mod tests {
         let model = full_model();
         assert!((model.rate_hz(Duration::from_secs(1)) - 100.0).abs() < 0.5);
         assert_eq!(model.rate_hz(Duration::from_secs(9)), 0.0);
+    }
+
+    #[test]
+    fn states_that_are_taken_together_have_the_rate_of_their_stamps() {
+        let mut model = Model::new("torso".parse().expect("a name"));
+        for tick in 0..50 {
+            let stamp_ns = MonoTime::from_nanos(tick * 20_000_000);
+            model.take_state(Duration::from_secs(5), RobotState { stamp_ns, ..state() });
+        }
+        assert!((model.rate_hz(Duration::from_secs(5)) - 50.0).abs() < 1e-9);
     }
 
     #[test]

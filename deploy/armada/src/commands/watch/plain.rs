@@ -3,35 +3,50 @@
 use std::time::Duration;
 
 use serde_json::json;
-use tokio::time::MissedTickBehavior;
+use tokio::time::{Instant, MissedTickBehavior, interval_at};
 
 use super::feed::Feed;
 use super::model::Model;
+use crate::clock;
 use crate::exit::Exit;
 use crate::motion::fraction;
 use crate::output::Output;
 use crate::words;
 
+/// Pause between looks at what has come, so that its age is known.
+const LOOK_PAUSE: Duration = Duration::from_millis(20);
+/// How long the first line waits for a first state.
+const FIRST_PAUSE: Duration = Duration::from_millis(300);
+
 /// Writes a line or a JSON object each `interval` until Ctrl-C, or until nobody reads.
 pub(super) async fn run(mut feed: Feed, out: &Output, interval: Duration) -> anyhow::Result<Exit> {
-    let mut ticks = tokio::time::interval(interval);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let first = Instant::from_std(clock::now() + FIRST_PAUSE);
+    let mut lines = interval_at(first, interval);
+    lines.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut looks = tokio::time::interval(LOOK_PAUSE);
+    looks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     let interrupted = tokio::signal::ctrl_c();
     tokio::pin!(interrupted);
     while !out.is_closed() {
         tokio::select! {
             _ = &mut interrupted => break,
-            _ = ticks.tick() => {}
-        }
-        feed.update().await?;
-        let now = feed.now();
-        if out.is_json() {
-            out.json_line(&object(&feed.model, now))?;
-        } else {
-            out.line(line(&feed.model, now))?;
+            _ = looks.tick() => feed.update().await?,
+            _ = lines.tick() => {
+                feed.update().await?;
+                write(&feed, out)?;
+            }
         }
     }
     Ok(Exit::Success)
+}
+
+fn write(feed: &Feed, out: &Output) -> anyhow::Result<()> {
+    let now = feed.now();
+    if out.is_json() {
+        out.json_line(&object(&feed.model, now))
+    } else {
+        out.line(line(&feed.model, now))
+    }
 }
 
 fn object(model: &Model, now: Duration) -> serde_json::Value {

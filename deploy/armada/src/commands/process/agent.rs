@@ -1,0 +1,61 @@
+//! `armada agent`: one robot's agent.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use armada_agent::runtime::{Agent, AgentOptions};
+use clap::{Args, ValueHint};
+use tracing::info;
+
+use super::{ParentArgs, Signals, end_or_signal};
+use crate::exit::Exit;
+
+/// Arguments of `armada agent`.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  armada agent config/robots/left_arm.yaml --listen tcp/127.0.0.1:7451 \\
+      --connect tcp/127.0.0.1:7447
+
+One agent closes the control loop of one robot controller and speaks Zenoh for it. Agents of one
+cell should be linked to each other, each pair by one side only (by custom the smaller name dials),
+so that a stop reaches all of them without the gateway; `armada up` does that.
+On Ctrl-C or SIGTERM it ramps the robot to standstill before it ends.")]
+pub(crate) struct AgentArgs {
+    /// Robot file
+    #[arg(value_name = "ROBOT.yaml", value_hint = ValueHint::FilePath)]
+    robot: PathBuf,
+    /// Zenoh endpoint to listen on, instead of those of the robot file; repeat for several
+    #[arg(long, value_name = "ENDPOINT")]
+    listen: Vec<String>,
+    /// Zenoh endpoint to dial, instead of those of the robot file; repeat for several
+    #[arg(long, value_name = "ENDPOINT")]
+    connect: Vec<String>,
+    /// Prefix of every key of the cell
+    #[arg(long, value_name = "PREFIX")]
+    namespace: Option<String>,
+    /// Allow listening outside this machine without authentication, where anybody on the network
+    /// can command the robot
+    #[arg(long)]
+    insecure_lan: bool,
+    #[command(flatten)]
+    pub(crate) parent: ParentArgs,
+}
+
+/// Runs the agent until a signal.
+pub(crate) async fn run(args: AgentArgs) -> anyhow::Result<Exit> {
+    let mut signals = Signals::new()?;
+    let some = |endpoints: Vec<String>| (!endpoints.is_empty()).then_some(endpoints);
+    let agent = Agent::start(AgentOptions {
+        robot_file: args.robot,
+        listen: some(args.listen),
+        connect: some(args.connect),
+        namespace: args.namespace,
+        insecure_lan: args.insecure_lan,
+    })
+    .await
+    .context("the agent cannot start")?;
+    let signal = signals.next().await;
+    info!(signal, "ramping to standstill, then ending");
+    end_or_signal(&mut signals, agent.shut_down()).await;
+    Ok(Exit::Success)
+}

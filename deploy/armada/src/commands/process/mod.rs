@@ -1,0 +1,80 @@
+//! The processes of a cell, one by one: `armada agent`, `gateway` and `emulator`.
+
+pub(crate) mod agent;
+pub(crate) mod emulator;
+pub(crate) mod gateway;
+
+use std::process;
+
+use anyhow::{Context as _, bail};
+use clap::Args;
+use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+use tokio::signal::unix::{self, SignalKind};
+
+/// The tie of a process to the supervisor that started it.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct ParentArgs {
+    /// Process that started this one; when it ends, this one ends too
+    #[arg(long, value_name = "PID", hide = true)]
+    parent: Option<u32>,
+}
+
+impl ParentArgs {
+    /// Makes the kernel send this process SIGTERM when its parent ends. Call it on the main thread
+    /// before any other runs.
+    ///
+    /// # Errors
+    /// If the parent has ended already.
+    pub(crate) fn tie(self) -> anyhow::Result<()> {
+        let Some(parent) = self.parent else { return Ok(()) };
+        set_parent_process_death_signal(Some(Signal::TERM)).context("cannot follow the parent")?;
+        // It may have ended before the line above.
+        let now = getppid().map(|pid| pid.as_raw_nonzero().get());
+        if now.map(i64::from) != Some(i64::from(parent)) {
+            bail!("process {parent}, which started this one, has ended");
+        }
+        Ok(())
+    }
+}
+
+/// SIGINT, SIGTERM and SIGHUP as they come.
+#[derive(Debug)]
+pub(crate) struct Signals {
+    interrupt: unix::Signal,
+    terminate: unix::Signal,
+    hangup: unix::Signal,
+}
+
+impl Signals {
+    /// Takes the signals from the system's default, which is to end at once.
+    ///
+    /// # Errors
+    /// If the system refuses.
+    pub(crate) fn new() -> anyhow::Result<Self> {
+        Ok(Self {
+            interrupt: unix::signal(SignalKind::interrupt())?,
+            terminate: unix::signal(SignalKind::terminate())?,
+            hangup: unix::signal(SignalKind::hangup())?,
+        })
+    }
+
+    /// Waits for the next one; returns its name.
+    pub(crate) async fn next(&mut self) -> &'static str {
+        tokio::select! {
+            _ = self.interrupt.recv() => "SIGINT",
+            _ = self.terminate.recv() => "SIGTERM",
+            _ = self.hangup.recv() => "SIGHUP",
+        }
+    }
+}
+
+/// Runs `ending` to its end, unless another signal comes: then the process ends at once.
+pub(crate) async fn end_or_signal(signals: &mut Signals, ending: impl Future<Output = ()>) {
+    tokio::select! {
+        () = ending => {}
+        signal = signals.next() => {
+            tracing::warn!(signal, "second signal: ending at once");
+            process::exit(1);
+        }
+    }
+}
