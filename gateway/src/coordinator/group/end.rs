@@ -69,10 +69,9 @@ impl Group {
             Ok(_) => part.abort = Abort::Done,
             Err(denial) if denial.code == DenialCode::NotAttached => {
                 part.abort = Abort::Done;
-                // An accepted part that its agent does not know any more will not report.
-                if self.accepted {
-                    part.give_up(denial.clone());
-                    self.changed = true;
+                // It has ended already; its terminal status may still be on its way.
+                if self.accepted && part.is_open() {
+                    self.ask(robot, AgentCall::Motion(self.id), STATUS_TIMEOUT, cx);
                 }
             }
             Err(_) if part.is_open() && part.abort_unanswered() => self.abort(robot, cx),

@@ -54,8 +54,8 @@ fn the_start_is_as_far_ahead_as_the_timer_or_five_round_trips_say() {
     bench.run(ms(100));
     let lead = |bench: &Bench, index: usize| {
         let offset_ns = bench.agents[&name("left")].offset_ns;
-        let commits = bench.asked("left").filter(|(_, call)| is_commit(call));
-        let (at, call) = commits.skip(index).next().expect("committed");
+        let mut commits = bench.asked("left").filter(|(_, call)| is_commit(call));
+        let (at, call) = commits.nth(index).expect("committed");
         let AgentCall::Commit(params) = call else { unreachable!() };
         params.start_ns.shifted(-offset_ns).saturating_since(at)
     };
