@@ -69,9 +69,9 @@ impl Signals {
 }
 
 /// Runs `ending` to its end, unless another signal comes: then the process ends at once.
-pub(crate) async fn end_or_signal(signals: &mut Signals, ending: impl Future<Output = ()>) {
+pub(crate) async fn end_or_signal<T>(signals: &mut Signals, ending: impl Future<Output = T>) -> T {
     tokio::select! {
-        () = ending => {}
+        ended = ending => ended,
         signal = signals.next() => {
             tracing::warn!(signal, "second signal: ending at once");
             process::exit(1);

@@ -1,0 +1,131 @@
+//! The arguments.
+
+use clap::{Parser, Subcommand};
+use tracing::Level;
+
+use crate::bench;
+use crate::commands::{
+    call, completions, events, info, jog, modes, process, reset, run, status, stop, up, watch,
+};
+use crate::exit;
+use crate::logging::LogFormat;
+
+const ABOUT: &str = "Armada runs a cell of robot arms over a network.
+
+One agent process per robot controller closes the control loop and speaks Zenoh; one gateway per cell \
+knows all robots, and routes motions and stops. This program is all of them, and the tools for people \
+and scripts.";
+
+const EXAMPLES: &str = "Examples:
+  armada up config/cells/dual_arm.yaml          start a whole cell on this machine
+  armada status                                 how is every robot, what to do next
+  armada watch left_arm                         one robot, live
+  armada move left_arm --joints elbow=1.2       move one joint, the others stay
+  armada run config/motions/handover.json       a motion of several robots
+  armada stop                                   stop all robots, gateway alive or not
+  armada status --connect tcp/10.0.0.5:7447     a cell on another machine
+
+Where the cell is: --connect, else --cell FILE, else the cell that `armada up` started on this
+machine, else tcp/127.0.0.1:7447.";
+
+/// Arguments of the program.
+#[derive(Debug, Parser)]
+#[command(
+    name = "armada",
+    version,
+    about = "Runs a cell of robot arms over a network",
+    long_about = ABOUT,
+    after_help = EXAMPLES,
+    after_long_help = format!("{EXAMPLES}\n\n{}", exit::HELP),
+    max_term_width = 100,
+    subcommand_required = true,
+    arg_required_else_help = true
+)]
+pub(crate) struct Cli {
+    /// Form of the log on standard error; `RUST_LOG` chooses what is logged
+    #[arg(long, global = true, value_enum, default_value = "text", value_name = "FORMAT")]
+    pub(crate) log_format: LogFormat,
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Start a whole cell on this machine, and end it on Ctrl-C
+    #[command(long_about = up::LONG_ABOUT)]
+    Up(up::UpArgs),
+    /// Run the agent of one robot
+    Agent(process::agent::AgentArgs),
+    /// Run the gateway of a cell
+    Gateway(process::gateway::GatewayArgs),
+    /// Run an emulated controller, or inject a fault into one
+    Emulator(process::emulator::EmulatorArgs),
+    /// Show every robot: presence, mode, stops, lease, pose, rates, and what to do next
+    Status(status::StatusArgs),
+    /// Show one robot live: joints between their limits, mode, faults, rates
+    Watch(watch::WatchArgs),
+    /// Show what a robot is: joints, limits, chains, methods, URDF
+    Info(info::InfoArgs),
+    /// Follow what happens: faults, mode changes, motions, stops
+    Events(events::EventsArgs),
+    /// Move a robot's joints to a position, and wait for the end
+    Move(jog::MoveArgs),
+    /// Follow a trajectory from a file, with one robot or several
+    Run(run::RunArgs),
+    /// Ramp robots to standstill; they stay ready for the next command
+    Halt(modes::RobotsArgs),
+    /// Stop robots and keep them stopped until a reset, gateway alive or not
+    #[command(long_about = stop::LONG_ABOUT)]
+    Stop(stop::StopArgs),
+    /// Clear latched stops; nothing moves and nothing is enabled by it
+    Reset(reset::ResetArgs),
+    /// Change the command mode of a robot
+    Mode(modes::ModeArgs),
+    /// Switch the drives of robots on
+    Enable(modes::RobotsArgs),
+    /// Ramp robots to standstill and switch their drives off
+    Disable(modes::RobotsArgs),
+    /// Clear the latched faults of a robot whose cause is gone
+    ResetErrors(modes::RobotArgs),
+    /// Call a method by its name with JSON parameters, for scripts and debugging
+    Call(call::CallArgs),
+    /// Measure timing on this machine, against what Armada is built on
+    Bench(bench::BenchArgs),
+    /// Write the completion script of a shell
+    Completions(completions::CompletionsArgs),
+}
+
+impl Command {
+    /// What is logged if `RUST_LOG` does not say: the processes of a cell tell more than its tools.
+    pub(crate) const fn default_log_level(&self) -> Level {
+        match self {
+            Self::Agent(_) | Self::Gateway(_) | Self::Emulator(_) => Level::INFO,
+            _ => Level::WARN,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_explains_itself_with_an_example() {
+        let mut cli = Cli::command();
+        cli.build();
+        for command in cli.get_subcommands_mut().filter(|command| command.get_name() != "help") {
+            let help = command.render_long_help().to_string();
+            let name = command.get_name().to_owned();
+            assert!(help.contains(&format!("armada {name}")), "{name} has no example:\n{help}");
+        }
+    }
+}

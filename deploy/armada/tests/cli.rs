@@ -1,0 +1,143 @@
+//! The real program, where no cell runs.
+#![expect(clippy::expect_used, reason = "helpers of tests may panic as the tests do")]
+
+use std::process::{Command, Output, Stdio};
+
+/// A port that nothing listens on: it was free a moment ago.
+fn unused_endpoint() -> String {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+    format!("tcp/{}", listener.local_addr().expect("bound"))
+}
+
+/// The program, with a temporary directory of its own so that no cell of this machine is found.
+fn armada(arguments: &[&str]) -> Output {
+    let temporary = tempfile::tempdir().expect("a directory");
+    Command::new(env!("CARGO_BIN_EXE_armada"))
+        .args(arguments)
+        .env("TMPDIR", temporary.path())
+        .env_remove("RUST_LOG")
+        .stdin(Stdio::null())
+        .output()
+        .expect("it runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn help_lists_every_command_and_the_exit_codes() {
+    let output = armada(&["--help"]);
+    assert_eq!(output.status.code(), Some(0));
+    let help = text(&output.stdout);
+    for word in [
+        "status",
+        "watch",
+        "info",
+        "events",
+        "move",
+        "run",
+        "halt",
+        "stop",
+        "reset",
+        "mode",
+        "enable",
+        "disable",
+        "reset-errors",
+        "call",
+        "completions",
+        "agent",
+        "gateway",
+        "emulator",
+        "up",
+        "Exit codes",
+        "Examples",
+    ] {
+        assert!(help.contains(word), "{word} is not in the help:\n{help}");
+    }
+}
+
+#[test]
+fn the_help_of_stop_says_that_it_is_no_safety_function() {
+    let help = text(&armada(&["stop", "--help"]).stdout);
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(help.contains("NEVER A RATED SAFETY FUNCTION"), "{help}");
+}
+
+#[test]
+fn wrong_arguments_are_told_on_standard_error_with_code_2() {
+    for (arguments, reason) in [
+        (&["move", "left_arm"][..], "--joints"),
+        (&["move", "Left", "--joints", "0"], "is not a robot name"),
+        (&["move", "left_arm", "--joints", "0,x"], "\"x\" is not a number"),
+        (&["move", "left_arm", "--joints", "0", "--speed", "1.5"], "at most 1"),
+        (&["stop", "--level", "L9"], "L9"),
+        (&["mode", "left_arm", "dance"], "dance"),
+        (&["status", "--timeout", "0"], "above 0"),
+        (&["fly"], "fly"),
+    ] {
+        let output = armada(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+        let error = text(&output.stderr);
+        assert!(error.contains(reason), "{arguments:?}: {error}");
+    }
+}
+
+#[test]
+fn where_no_cell_answers_every_tool_says_so_with_code_2() {
+    let endpoint = unused_endpoint();
+    for arguments in [
+        &["status"][..],
+        &["watch", "left_arm"],
+        &["info", "left_arm"],
+        &["events"],
+        &["move", "left_arm", "--joints", "0,0,0,0,0,0"],
+        &["stop"],
+        &["reset"],
+        &["halt"],
+        &["call", "cell", "reset"],
+    ] {
+        let output = armada(&[arguments, &["--connect", &endpoint]].concat());
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(error.contains(&format!("no cell answers at {endpoint}")), "{error}");
+        assert!(error.contains("armada up"), "{error}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_trajectory_file_is_checked_before_anybody_is_dialled() {
+    let folder = tempfile::tempdir().expect("a directory");
+    let file = folder.path().join("sweep.json");
+    std::fs::write(&file, r#"{"joint_names":["a"],"waypoints":[]}"#).expect("written");
+    let output = armada(&["run", file.to_str().expect("a path")]);
+    assert_eq!(output.status.code(), Some(2));
+    let error = text(&output.stderr);
+    assert!(error.contains("sweep.json: it has no waypoints"), "{error}");
+}
+
+#[test]
+fn completions_are_written_for_every_shell() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let output = armada(&["completions", shell]);
+        assert_eq!(output.status.code(), Some(0), "{shell}");
+        let script = text(&output.stdout);
+        assert!(script.contains("reset-errors"), "{shell}");
+    }
+}
+
+#[test]
+fn a_reader_that_goes_away_ends_the_program_quietly() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_armada"))
+        .args(["completions", "bash"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stderr.is_empty(), "{}", text(&output.stderr));
+}
