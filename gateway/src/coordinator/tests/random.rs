@@ -122,14 +122,17 @@ fn check_motions(bench: &Bench) {
     for entry in bench.history() {
         match entry {
             Ok(Input::Answer { ask, result: Ok(AgentAnswer::Prepared(answer)) }) => {
-                if let Some((robot, _)) = asked.get(ask) {
-                    prepared.entry(answer.motion_id).or_default().insert(robot.clone());
+                // A second answer to the same question says nothing new.
+                if let Some((robot, _)) = asked.remove(ask) {
+                    // An abort before this answer may have overtaken the question.
+                    aborted.entry(answer.motion_id).or_default().remove(&robot);
+                    prepared.entry(answer.motion_id).or_default().insert(robot);
                 }
             }
             Ok(Input::Motion(status)) if status.status.is_terminal() => {
                 aborted.entry(status.id).or_default().insert(status.robot.to_string());
             }
-            Ok(Input::Presence { robot, .. }) if !asked.is_empty() => {
+            Ok(Input::Presence { robot, .. }) if !wanted.is_empty() => {
                 gone.insert(robot.to_string());
             }
             Ok(_) => {}
