@@ -46,6 +46,8 @@ class EventKind(OpenEnum):
     """A robot appeared in or vanished from the cell."""
     DENIED = "denied"
     """A request was refused."""
+    MODEL_REJECTED = "model_rejected"
+    """A robot's description cannot be used; the robot is left out of the world."""
 
 
 class Event(Message, frozen=True, kw_only=True, omit_defaults=True):
