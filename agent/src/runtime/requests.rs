@@ -65,6 +65,11 @@ struct NewMotion {
 }
 
 impl Handler for Requests {
+    /// What ends a motion does not wait behind anything.
+    fn is_urgent(&self, method: &str) -> bool {
+        [robot::Halt::NAME, robot::Cancel::NAME, robot::Abort::NAME].contains(&method)
+    }
+
     async fn handle(&self, call: Call) -> Result<Value, Denial> {
         let method = call.method().to_owned();
         let result = self.dispatch(call).await;
