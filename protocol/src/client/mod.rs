@@ -76,7 +76,7 @@ impl Client {
     /// neither a gateway nor an agent answers at the endpoints.
     pub async fn connect(options: ClientOptions) -> Result<Self, ClientError> {
         let client = Self::connect_at_once(options).await?;
-        client.wait_for_late_links(|| std::future::ready(Ok(()))).await?;
+        client.wait_for_late_links().await;
         Ok(client)
     }
 
@@ -123,21 +123,12 @@ impl Client {
         self.session.info().transports().await.count()
     }
 
-    /// Waits until every endpoint is linked, but not for long: one may be dead. Does `meanwhile`
-    /// again and again.
-    async fn wait_for_late_links<F>(
-        &self,
-        mut meanwhile: impl FnMut() -> F,
-    ) -> Result<(), ClientError>
-    where
-        F: Future<Output = Result<(), ClientError>>,
-    {
+    /// Waits until every endpoint is linked, but not for long: one may be dead.
+    async fn wait_for_late_links(&self) {
         let patience = now() + CONNECT_GRACE;
         while self.links().await < self.endpoints && now() < patience {
-            meanwhile().await?;
             tokio::time::sleep(CONNECT_PAUSE).await;
         }
-        Ok(())
     }
 
     /// Asks a robot's agent.

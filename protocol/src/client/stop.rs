@@ -14,6 +14,10 @@ use crate::qos::Channel;
 
 /// Pause between repetitions of a stop until every robot has it.
 const REPEAT: Duration = Duration::from_millis(10);
+/// How long it is repeated that often; who has not answered by then is hardly there.
+const EAGER: Duration = Duration::from_secs(1);
+/// Pause between repetitions after that.
+const LATE_REPEAT: Duration = Duration::from_millis(100);
 
 /// Who must stand still, and by when.
 #[derive(Clone, Debug)]
@@ -38,18 +42,20 @@ impl Client {
         mut request: StopRequest,
         options: StopOptions,
     ) -> Result<StopReport, ClientError> {
-        let deadline = now() + options.timeout;
+        let start = now();
+        let deadline = start + options.timeout;
         let acks = self.subscribe::<StopAck>(&keys::ROBOT_STOP_ACK.any(), 256).await?;
         self.publish_stop(&request).await?;
-        // Who comes in late gets it as well, and only then is it looked who is there.
-        self.wait_for_late_links(|| self.publish_stop(&request)).await?;
         let asked = self.ask_to_stop(&keys::ROBOT_STOP.any(), &request, options.timeout).await?;
-        let in_scope = self.robots_in_scope(&request.scope, options.expected).await?;
+        let in_scope = self.in_scope_while_repeating(&mut request, options.expected).await?;
         let mut ladder = Ladder::new(request.stop_id, in_scope);
+        let mut repeat = now();
         while !ladder.all_reached(StopStage::Standstill) && now() < deadline {
-            if !ladder.all_reached(StopStage::Received) {
+            // By the clock, never by what comes in: every repetition is acknowledged.
+            if now() >= repeat && !ladder.all_reached(StopStage::Received) {
                 request.seq += 1;
                 self.publish_stop(&request).await?;
+                repeat = now() + if start.elapsed() < EAGER { REPEAT } else { LATE_REPEAT };
             }
             let pause = REPEAT.min(deadline.saturating_duration_since(now()));
             if let Ok(ack) = tokio::time::timeout(pause, acks.next()).await {
@@ -112,6 +118,30 @@ impl Client {
             .timeout(timeout)
             .await
             .map_err(ClientError::zenoh)
+    }
+
+    /// The robots in scope; the stop is repeated until they are known, for the answer may have to
+    /// wait for a gateway that hangs, and links may still come up.
+    async fn in_scope_while_repeating(
+        &self,
+        request: &mut StopRequest,
+        expected: Vec<RobotName>,
+    ) -> Result<BTreeSet<RobotName>, ClientError> {
+        let scope = request.scope.clone();
+        let looking = async {
+            self.wait_for_late_links().await;
+            self.robots_in_scope(&scope, expected).await
+        };
+        tokio::pin!(looking);
+        loop {
+            tokio::select! {
+                robots = &mut looking => return robots,
+                () = tokio::time::sleep(REPEAT) => {
+                    request.seq += 1;
+                    self.publish_stop(request).await?;
+                }
+            }
+        }
     }
 
     async fn robots_in_scope(
