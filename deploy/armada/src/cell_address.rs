@@ -160,11 +160,11 @@ impl CellAddress {
     /// Connects to the gateway and every agent, whoever answers first: the shortest path of a stop.
     pub(crate) async fn connect_for_stop(&self) -> Result<Client, ClientError> {
         let endpoints = self.first.iter().chain(&self.agents).cloned().collect();
-        Client::connect_at_once(self.options(endpoints)).await
+        Client::connect_at_once(self.options(endpoints)).await.map(never_closed)
     }
 
     async fn connect(&self, endpoints: Vec<String>) -> Result<Client, ClientError> {
-        Client::connect(self.options(endpoints)).await
+        Client::connect(self.options(endpoints)).await.map(never_closed)
     }
 
     fn options(&self, endpoints: Vec<String>) -> ClientOptions {
@@ -182,6 +182,13 @@ impl From<RunFile> for CellAddress {
             source: Source::Running(run.cell),
         }
     }
+}
+
+/// Keeps the session open until the process ends. Closing it would wait up to ten seconds for an
+/// endpoint that hangs, with the result printed long ago; whatever was asked has been answered.
+fn never_closed(client: Client) -> Client {
+    std::mem::forget(client.clone());
+    client
 }
 
 fn several_cells(running: &[RunFile]) -> UsageError {

@@ -7,6 +7,7 @@ use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{Empty, RobotState};
 use armada_protocol::method::robot::Halt;
 use armada_protocol::{RobotName, keys};
+use tokio::task::JoinSet;
 use tokio::time::timeout_at;
 
 use crate::clock;
@@ -22,8 +23,17 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 /// Halts the robots, waits for their standstill and tells about it; returns those that are not
 /// known to stand still.
 pub(crate) async fn halt_and_report(client: &Client, robots: &[RobotName]) -> Vec<RobotName> {
-    for robot in robots {
-        if let Err(error) = client.call::<Halt>(robot, Empty {}).await {
+    // All at once: one that does not answer must not keep the others moving.
+    let mut halts = JoinSet::new();
+    for robot in robots.iter().cloned() {
+        let client = client.clone();
+        halts.spawn(async move {
+            let halted = client.call::<Halt>(&robot, Empty {}).await;
+            (robot, halted)
+        });
+    }
+    while let Some(halted) = halts.join_next().await {
+        if let Ok((robot, Err(error))) = halted {
             note(format_args!("{robot}: halt: {error}"));
         }
     }

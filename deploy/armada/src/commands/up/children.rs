@@ -156,6 +156,11 @@ impl Children {
         self.running.is_empty()
     }
 
+    /// Whether the process of this name has not ended.
+    pub(super) fn is_running(&self, name: &str) -> bool {
+        self.running.iter().any(|child| child.name == name)
+    }
+
     /// The process of this name, for people.
     pub(super) fn pid_of(&self, name: &str) -> String {
         let found = self.running.iter().find(|child| child.name == name);

@@ -20,14 +20,14 @@ mod shutdown;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use armada_protocol::client::Client;
+use armada_protocol::client::{Client, ClientError, ClientOptions};
 use clap::{Args, ValueHint};
 
-use crate::cell_address::parse_seconds;
+use crate::cell_address::{client_name, parse_seconds};
 use crate::commands::process::Signals;
 use crate::exit::Exit;
 use crate::logging::LogFormat;
-use crate::output::note;
+use crate::output::{Output, note};
 use crate::run_file::{self, RunFile, RunRobot};
 use children::{Children, Ended, Kind};
 use preflight::Cell;
@@ -94,7 +94,7 @@ pub(crate) async fn run(args: UpArgs, log_format: LogFormat) -> anyhow::Result<E
     if let Left::Signal(name) = left {
         note(format_args!("{name}: stopping motion, then the processes; once more kills them"));
     }
-    let clean = shutdown::run(&cell, client.as_ref(), &mut children, &mut signals).await;
+    let clean = shutdown::run(&cell, client.is_some(), &mut children, &mut signals).await;
     match left {
         Left::Failed(error) => Err(error),
         Left::Signal(_) if clean => Ok(Exit::Success),
@@ -110,6 +110,7 @@ async fn keep(
     signals: &mut Signals,
     connected: &mut Option<Client>,
 ) -> Left {
+    let out = Output::new(false);
     let ready = tokio::select! {
         signal = signals.next() => return Left::Signal(signal),
         ended = children.next_end() => Err(too_early(&ended)),
@@ -123,7 +124,9 @@ async fn keep(
         Err(error) => return Left::Failed(error),
     };
     for line in banner(cell, children, is_ready) {
-        note(line);
+        if let Err(error) = out.line(line) {
+            note(error);
+        }
     }
     let demo = demo::run(cell, connected.clone().filter(|_| is_ready));
     tokio::pin!(demo);
@@ -178,7 +181,8 @@ fn banner(cell: &Cell, children: &Children, is_ready: bool) -> Vec<String> {
     for robot in &cell.config.robots {
         let pid = children.pid_of(robot.name.as_str());
         let emulated = if robot.emulate { "  emulated controller" } else { "" };
-        lines.push(format!("  {:<10} {}  pid {pid}{emulated}", robot.name, robot.endpoint));
+        let name = robot.name.as_str();
+        lines.push(format!("  {name:<10} {}  pid {pid}{emulated}", robot.endpoint));
     }
     let first = cell.config.robots.first().map_or("ROBOT", |robot| robot.name.as_str());
     lines.push("in another terminal:".to_owned());
@@ -193,6 +197,15 @@ fn banner(cell: &Cell, children: &Children, is_ready: bool) -> Vec<String> {
 }
 
 impl Cell {
+    async fn connect(&self, endpoints: Vec<String>) -> Result<Client, ClientError> {
+        Client::connect(ClientOptions {
+            name: client_name(),
+            connect: endpoints,
+            namespace: self.config.namespace.clone(),
+        })
+        .await
+    }
+
     fn run_file(&self) -> RunFile {
         let robot = |entry: &armada_gateway::config::RobotEntry| RunRobot {
             robot: entry.name.clone(),

@@ -3,12 +3,11 @@
 use std::time::Duration;
 
 use anyhow::bail;
-use armada_protocol::client::{Client, ClientError, ClientOptions};
+use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{CellRobotStatus, CellStatus, CommandMode, Presence};
 use tokio::time::{Instant, sleep};
 
 use super::preflight::Cell;
-use crate::cell_address::client_name;
 use crate::clock;
 use crate::commands::status::advice;
 use crate::output::Progress;
@@ -59,12 +58,7 @@ async fn look(cell: &Cell, connected: &mut Option<Client>) -> Result<CellStatus,
     if let Some(client) = connected {
         return client.cell_status().await;
     }
-    let client = Client::connect(ClientOptions {
-        name: client_name(),
-        connect: cell.config.listen.clone(),
-        namespace: cell.config.namespace.clone(),
-    })
-    .await?;
+    let client = cell.connect(cell.config.listen.clone()).await?;
     connected.insert(client).cell_status().await
 }
 

@@ -3,8 +3,8 @@
 
 use std::time::Duration;
 
+use armada_gateway::config::RobotEntry;
 use armada_protocol::RobotName;
-use armada_protocol::client::Client;
 
 use super::children::{Children, Kind};
 use super::preflight::Cell;
@@ -23,12 +23,12 @@ const ORDER: [(Kind, Duration); 3] = [
 /// kills what is left at once.
 pub(super) async fn run(
     cell: &Cell,
-    client: Option<&Client>,
+    was_ready: bool,
     children: &mut Children,
     signals: &mut Signals,
 ) -> bool {
     let ended = tokio::select! {
-        clean = in_order(cell, client, children) => Some(clean),
+        clean = in_order(cell, was_ready, children) => Some(clean),
         _ = signals.next() => None,
     };
     let clean = ended.unwrap_or_else(|| {
@@ -42,12 +42,10 @@ pub(super) async fn run(
     clean
 }
 
-async fn in_order(cell: &Cell, client: Option<&Client>, children: &mut Children) -> bool {
+async fn in_order(cell: &Cell, was_ready: bool, children: &mut Children) -> bool {
     let mut clean = true;
-    if let Some(client) = client {
-        let robots: Vec<RobotName> =
-            cell.config.robots.iter().map(|robot| robot.name.clone()).collect();
-        clean &= standstill::halt_and_report(client, &robots).await.is_empty();
+    if was_ready {
+        clean &= halt(cell, children).await;
     }
     for (kind, patience) in ORDER {
         let left = children.end(kind, patience).await;
@@ -58,4 +56,26 @@ async fn in_order(cell: &Cell, client: Option<&Client>, children: &mut Children)
         }
     }
     clean
+}
+
+/// Halts every robot that still has an agent, gateway alive or not.
+async fn halt(cell: &Cell, children: &Children) -> bool {
+    let running = |robot: &&RobotEntry| children.is_running(robot.name.as_str());
+    let (robots, agents): (Vec<RobotName>, Vec<String>) = cell
+        .config
+        .robots
+        .iter()
+        .filter(running)
+        .map(|robot| (robot.name.clone(), robot.endpoint.clone()))
+        .unzip();
+    if robots.is_empty() {
+        return true;
+    }
+    match cell.connect(agents).await {
+        Ok(client) => standstill::halt_and_report(&client, &robots).await.is_empty(),
+        Err(error) => {
+            note(format_args!("no halt: {error}; the agents halt their robots as they end"));
+            false
+        }
+    }
 }
