@@ -1,0 +1,197 @@
+//! One process of a measurement: it sets up, says that it is ready, answers what it is asked, and
+//! ends when its standard input ends, as it does however its parent ends.
+
+use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use armada_agent::config::{RealtimeConfig, RobotConfig};
+use armada_agent::runtime::{Agent, AgentOptions, Emulation, WakeReader, wake_log};
+use rustix::time::{ClockId, clock_gettime};
+use serde::{Deserialize, Serialize};
+use tokio::io::{AsyncBufReadExt as _, BufReader};
+
+use super::raw;
+use super::wakes::{BareLoop, Regularity};
+use crate::output::Output;
+
+/// Wake-ups between two looks at the log.
+const LOG: usize = 8192;
+/// Pause between two looks.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// What a process is.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) enum Part {
+    /// The emulated controller of a robot.
+    Emulator {
+        /// Robot file.
+        robot: PathBuf,
+    },
+    /// The agent of a robot.
+    Agent {
+        /// Robot file.
+        robot: PathBuf,
+        /// Zenoh endpoint to listen on.
+        endpoint: String,
+    },
+    /// A loop that does nothing.
+    BareLoop {
+        /// Its period.
+        period: Duration,
+        /// Its priority under SCHED_FIFO.
+        priority: Option<u8>,
+    },
+    /// A loop that puts a payload as often as an agent puts its state.
+    RawState {
+        /// Its period.
+        period: Duration,
+        /// Its priority under SCHED_FIFO.
+        priority: Option<u8>,
+        /// Zenoh endpoint to listen on.
+        endpoint: String,
+        /// Size of the payload.
+        bytes: usize,
+    },
+    /// Somebody who answers queries at once.
+    RawReply {
+        /// Zenoh endpoint to listen on.
+        endpoint: String,
+        /// Size of the answer.
+        bytes: usize,
+    },
+    /// Threads that never rest.
+    Busy {
+        /// How many.
+        threads: usize,
+    },
+}
+
+impl FromStr for Part {
+    type Err = serde_json::Error;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        serde_json::from_str(text)
+    }
+}
+
+/// What a process says first.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Ready {
+    /// How its loop is scheduled; empty if it has none.
+    pub(super) scheduling: String,
+}
+
+/// What a process can be asked.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) enum Ask {
+    /// Its processor time so far, in seconds.
+    CpuTime,
+    /// The [`Regularity`] of its loop over this time from now.
+    Wakes(Duration),
+}
+
+/// Is `part` until standard input ends.
+pub(super) async fn run(part: Part) -> anyhow::Result<()> {
+    match part {
+        Part::Emulator { robot } => {
+            let _emulation = emulate(&robot)?;
+            serve(Ready::default(), None).await
+        }
+        Part::Agent { robot, endpoint } => serve_agent(robot, endpoint).await,
+        Part::BareLoop { period, priority } => {
+            let (log, reader) = wake_log(LOG);
+            let bare = BareLoop::noting(period, priority, log)?;
+            let ready = Ready { scheduling: bare.scheduling.clone() };
+            serve(ready, Some((reader, period))).await
+        }
+        Part::RawState { period, priority, endpoint, bytes } => {
+            let bare = raw::publish(&endpoint, period, priority, bytes).await?;
+            serve(Ready { scheduling: bare.scheduling.clone() }, None).await
+        }
+        Part::RawReply { endpoint, bytes } => {
+            let _queryable = raw::reply(&endpoint, bytes).await?;
+            serve(Ready::default(), None).await
+        }
+        Part::Busy { threads } => {
+            for _ in 0..threads {
+                std::thread::Builder::new().spawn(|| {
+                    loop {
+                        std::hint::spin_loop();
+                    }
+                })?;
+            }
+            serve(Ready::default(), None).await
+        }
+    }
+}
+
+fn emulate(robot: &Path) -> anyhow::Result<Emulation> {
+    let config = RobotConfig::load(robot)?;
+    let (_, model) = config.read_urdf()?;
+    let nonce = NonZeroU64::MIN.saturating_add(uuid::Uuid::new_v4().as_u64_pair().0 >> 1);
+    let setup = config.driver_setup(&model, nonce)?;
+    // Below the control loops, so that it cannot hold up what is measured.
+    let priority = config.control.realtime.priority.map(|priority| priority.saturating_sub(10));
+    let realtime = RealtimeConfig { priority, cpu: None, lock_memory: false };
+    Ok(Emulation::start(config.driver.emulator(&setup)?, realtime)?)
+}
+
+async fn serve_agent(robot: PathBuf, endpoint: String) -> anyhow::Result<()> {
+    let period = RobotConfig::load(&robot)?.control.period_ms / 1e3;
+    let options = AgentOptions {
+        robot_file: robot,
+        listen: Some(vec![endpoint]),
+        connect: Some(Vec::new()),
+        namespace: None,
+        insecure_lan: false,
+    };
+    let (log, reader) = wake_log(LOG);
+    let agent = Agent::start_measured(options, Some(log)).await?;
+    let ready = Ready { scheduling: agent.realtime().to_string() };
+    let served = serve(ready, Some((reader, Duration::from_secs_f64(period)))).await;
+    agent.shut_down().await;
+    served
+}
+
+/// Says that the process is ready and answers until standard input ends.
+async fn serve(ready: Ready, mut wakes: Option<(WakeReader, Duration)>) -> anyhow::Result<()> {
+    let output = Output::new(true);
+    output.json_line(&ready)?;
+    let mut asks = BufReader::new(tokio::io::stdin()).lines();
+    while let Some(line) = asks.next_line().await? {
+        match serde_json::from_str(&line)? {
+            Ask::CpuTime => output.json_line(&cpu_time())?,
+            Ask::Wakes(time) => {
+                let (reader, period) = wakes.as_mut().context("this part has no loop")?;
+                output.json_line(&collect(reader, *period, time).await)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn cpu_time() -> f64 {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    Duration::try_from(time).unwrap_or_default().as_secs_f64()
+}
+
+async fn collect(reader: &mut WakeReader, period: Duration, time: Duration) -> Regularity {
+    while reader.pop().is_some() {}
+    let mut wakes = Vec::new();
+    let end = tokio::time::sleep(time);
+    tokio::pin!(end);
+    let mut look = tokio::time::interval(LOOK);
+    loop {
+        let ended = tokio::select! {
+            () = &mut end => true,
+            _ = look.tick() => false,
+        };
+        wakes.extend(std::iter::from_fn(|| reader.pop()));
+        if ended {
+            return Regularity::of(&wakes, period);
+        }
+    }
+}
