@@ -1,0 +1,187 @@
+//! `armada bench`: how well this machine keeps time, and what Armada adds to what it is built on.
+//!
+//! ```text
+//! measurements  loop_period latency stop accept cpu step      one file each
+//!    | use       arm (emulator + agent + client)   raw (the reference)
+//!    | start     child --asks over stdin--> part (this program, another process)
+//!    v
+//! report  <- figures, machine
+//! ```
+//!
+//! Invariants: whatever is compared is measured in pairs, in one run, each in a process of its own;
+//! no figure is judged; every process that was started has ended when the command ends, however it
+//! ends.
+
+mod accept;
+mod allocations;
+mod arm;
+mod child;
+mod cpu;
+mod figures;
+mod latency;
+mod loop_period;
+mod machine;
+mod part;
+mod raw;
+mod report;
+mod robot_file;
+mod step;
+mod stop;
+mod swing;
+mod wakes;
+
+use std::fmt;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use clap::{Args, Subcommand, ValueEnum};
+
+use crate::cell_address::parse_seconds;
+use crate::exit::Exit;
+use crate::output::Output;
+use report::Report;
+
+/// Arguments of `armada bench`.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  armada bench loop                    period error of the control loop at 1 kHz
+  armada bench loop --load             the same with every core kept busy
+  armada bench latency --json          state, from the agent to a subscriber
+  armada bench stop --rounds 20        cell/stop to standstill of two moving arms
+
+Each measurement runs Armada and a reference by turns, in pairs, and reports the median over the
+pairs with the smallest and the largest. Figures are of this machine, now: use a release build, and
+close what else runs.")]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Period error of the control loop, against a bare loop that sleeps to absolute deadlines
+    Loop(loop_period::LoopArgs),
+    /// State from the agent to a subscriber, against a bare Zenoh put of equal size
+    Latency(latency::LatencyArgs),
+    /// A stop of two moving arms, against a bare Zenoh query and reply
+    Stop(stop::StopArgs),
+    /// One step of the control loop, with its allocations
+    Step(step::StepArgs),
+    /// Acceptance of a long trajectory, against a bare Zenoh query of equal size
+    Accept(accept::AcceptArgs),
+    /// Processor time of an agent and its emulator
+    Cpu(cpu::CpuArgs),
+    /// One process of a measurement
+    #[command(hide = true)]
+    Part {
+        /// What it is, as JSON
+        part: part::Part,
+    },
+}
+
+/// Arguments of every measurement in pairs.
+#[derive(Args, Clone, Debug)]
+struct PairArgs {
+    /// Pairs of measurements: ours and the reference
+    #[arg(long, value_name = "NUMBER", default_value_t = 5,
+        value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pairs: u32,
+    /// Scheduling of the loops; fifo falls back to other where the system does not permit it
+    #[arg(long, value_enum, default_value = "fifo")]
+    policy: Policy,
+    /// Print JSON, for scripts
+    #[arg(long)]
+    json: bool,
+}
+
+/// How control loops are scheduled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Policy {
+    /// SCHED_FIFO, as an agent has it by default.
+    Fifo,
+    /// The ordinary scheduler.
+    Other,
+}
+
+/// How long a measurement takes.
+#[derive(Args, Clone, Debug)]
+struct TimeArgs {
+    /// Time of each measurement, of which there are two a pair
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = parse_seconds)]
+    seconds: Duration,
+}
+
+/// Priority of control loops under SCHED_FIFO, as in a robot file.
+const LOOP_PRIORITY: u8 = 80;
+
+impl Policy {
+    /// Priority of a control loop under it.
+    const fn priority(self) -> Option<u8> {
+        match self {
+            Self::Fifo => Some(LOOP_PRIORITY),
+            Self::Other => None,
+        }
+    }
+}
+
+/// Measures, until done or Ctrl-C.
+pub(crate) async fn run(args: BenchArgs) -> anyhow::Result<Exit> {
+    let (json, measured) = match args.what {
+        What::Part { part } => {
+            part::run(part).await?;
+            return Ok(Exit::Success);
+        }
+        What::Loop(args) => (args.common.json, or_signal(loop_period::measure(args)).await?),
+        What::Latency(args) => (args.common.json, or_signal(latency::measure(args)).await?),
+        What::Stop(args) => (args.common.json, or_signal(stop::measure(args)).await?),
+        What::Step(args) => (args.json, Some(step::measure(&args)?)),
+        What::Accept(args) => (args.common.json, or_signal(accept::measure(args)).await?),
+        What::Cpu(args) => (args.common.json, or_signal(cpu::measure(args)).await?),
+    };
+    let Some(report) = measured else { return Ok(Exit::Interrupted) };
+    let output = Output::new(json);
+    if json {
+        output.json(&report)?
+    } else {
+        output.line(report)?
+    }
+    Ok(Exit::Success)
+}
+
+/// The report, or `None` after Ctrl-C; either way everything that was started has been dropped.
+async fn or_signal(
+    measurement: impl Future<Output = anyhow::Result<Report>>,
+) -> anyhow::Result<Option<Report>> {
+    tokio::select! {
+        report = measurement => report.map(Some),
+        signal = tokio::signal::ctrl_c() => {
+            signal.context("cannot wait for Ctrl-C")?;
+            Ok(None)
+        }
+    }
+}
+
+/// In which order pair `pair` is measured: by turns, so that a drift of the machine cancels out.
+fn turns(pair: u32) -> [Side; 2] {
+    if pair.is_multiple_of(2) {
+        [Side::Ours, Side::Reference]
+    } else {
+        [Side::Reference, Side::Ours]
+    }
+}
+
+/// One side of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    Ours,
+    Reference,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ours => "armada",
+            Self::Reference => "reference",
+        })
+    }
+}
