@@ -16,6 +16,7 @@ use uuid::Uuid;
 
 use crate::clock;
 use crate::output::{Progress, bar, note};
+use crate::signals::Signals;
 use crate::words;
 
 /// How long a robot may take to come to a halt.
@@ -58,8 +59,8 @@ pub(crate) struct MotionView {
 pub(crate) enum Waited {
     /// The motion reached its terminal status.
     Ended(Box<MotionView>),
-    /// Ctrl-C came before.
-    Interrupted,
+    /// This signal came before.
+    Interrupted(&'static str),
 }
 
 /// Follows the status of one motion, from before it is asked for.
@@ -117,7 +118,7 @@ impl Follower {
         }
     }
 
-    /// Waits until the motion has ended or Ctrl-C comes, with its progress on standard error.
+    /// Waits until the motion has ended or a signal comes, with its progress on standard error.
     ///
     /// # Errors
     /// If it has not ended within `limit`; without a limit, if nothing is heard of it for long.
@@ -126,14 +127,15 @@ impl Follower {
         client: &Client,
         title: &str,
         limit: Option<Duration>,
+        signals: &mut Signals,
     ) -> anyhow::Result<Waited> {
         tokio::select! {
-            _ = tokio::signal::ctrl_c() => Ok(Waited::Interrupted),
+            signal = signals.next() => Ok(Waited::Interrupted(signal)),
             view = self.end(client, title, limit) => Ok(Waited::Ended(Box::new(view?))),
         }
     }
 
-    /// As [`Self::wait`], but Ctrl-C is for the caller to see.
+    /// As [`Self::wait`], but signals are for the caller to see.
     ///
     /// # Errors
     /// As [`Self::wait`].

@@ -17,6 +17,7 @@ use crate::exit::Exit;
 use crate::joint_goal::{AngleUnit, JointGoal};
 use crate::motion::{Follower, MotionView, Mover, Waited, end_line, enter_mode, next_state};
 use crate::output::{Output, note};
+use crate::signals::Signals;
 
 /// Time for the first state to come.
 const STATE_TIMEOUT: Duration = Duration::from_secs(2);
@@ -73,12 +74,14 @@ pub(crate) async fn run(args: MoveArgs) -> anyhow::Result<Exit> {
     let state = next_state(&client, &args.robot, STATE_TIMEOUT).await?;
     let unit = if args.degrees { AngleUnit::Degrees } else { AngleUnit::Radians };
     let goal = args.joints.resolve(&info.joints, commanded(&state), unit)?;
+    // From here on a signal halts the robot instead of only ending this program.
+    let mut signals = Signals::new()?;
     let jog = Jog::start(&client, &info, goal, args.speed).await?;
     let out = args.cell.output();
     if args.no_wait {
         return jog.report_accepted(&out);
     }
-    jog.finish(&client, args.cell.timeout, &out).await
+    jog.finish(&client, args.cell.timeout, &out, &mut signals).await
 }
 
 /// Where the joints are told to be; measured where the controller does not say.
@@ -126,7 +129,7 @@ impl Jog {
         &self.robot
     }
 
-    /// Waits for its end, with its progress on standard error; Ctrl-C is for the caller to see.
+    /// Waits for its end, with its progress on standard error; signals are for the caller to see.
     pub(crate) async fn end(&self, client: &Client) -> anyhow::Result<MotionView> {
         self.follower.end(client, self.robot.as_str(), None).await
     }
@@ -146,11 +149,12 @@ impl Jog {
         client: &Client,
         limit: Option<Duration>,
         out: &Output,
+        signals: &mut Signals,
     ) -> anyhow::Result<Exit> {
-        match self.follower.wait(client, self.robot.as_str(), limit).await? {
+        match self.follower.wait(client, self.robot.as_str(), limit, signals).await? {
             Waited::Ended(view) => report_end(self.robot.as_str(), &view, out),
-            Waited::Interrupted => {
-                note(format_args!("Ctrl-C: halting {}", self.robot));
+            Waited::Interrupted(signal) => {
+                note(format_args!("{signal}: halting {}", self.robot));
                 self.halt(client, out).await?;
                 Ok(Exit::Interrupted)
             }

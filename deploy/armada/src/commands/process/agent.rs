@@ -7,8 +7,9 @@ use armada_agent::runtime::{Agent, AgentOptions};
 use clap::{Args, ValueHint};
 use tracing::info;
 
-use super::{ParentArgs, Signals, end_or_signal};
+use super::{ParentArgs, end_or_signal};
 use crate::exit::Exit;
+use crate::signals::Signals;
 
 /// Arguments of `armada agent`.
 #[derive(Args, Debug)]

@@ -16,9 +16,10 @@ use tokio::time::timeout;
 use tracing::info;
 use uuid::Uuid;
 
-use super::{ParentArgs, Signals};
+use super::ParentArgs;
 use crate::exit::{Exit, UsageError};
 use crate::output::Output;
+use crate::signals::Signals;
 
 /// Pause before an injected fault is sent again.
 const INJECT_PAUSE: Duration = Duration::from_millis(200);

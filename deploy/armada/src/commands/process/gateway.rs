@@ -9,8 +9,9 @@ use clap::{Args, ValueHint};
 use tokio::sync::oneshot;
 use tracing::info;
 
-use super::{ParentArgs, Signals, end_or_signal};
+use super::{ParentArgs, end_or_signal};
 use crate::exit::Exit;
+use crate::signals::Signals;
 
 /// Arguments of `armada gateway`.
 #[derive(Args, Debug)]

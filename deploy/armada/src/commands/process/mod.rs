@@ -9,7 +9,8 @@ use std::process;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
-use tokio::signal::unix::{self, SignalKind};
+
+use crate::signals::Signals;
 
 /// The tie of a process to the supervisor that started it.
 #[derive(Args, Clone, Copy, Debug)]
@@ -34,37 +35,6 @@ impl ParentArgs {
             bail!("process {parent}, which started this one, has ended");
         }
         Ok(())
-    }
-}
-
-/// SIGINT, SIGTERM and SIGHUP as they come.
-#[derive(Debug)]
-pub(crate) struct Signals {
-    interrupt: unix::Signal,
-    terminate: unix::Signal,
-    hangup: unix::Signal,
-}
-
-impl Signals {
-    /// Takes the signals from the system's default, which is to end at once.
-    ///
-    /// # Errors
-    /// If the system refuses.
-    pub(crate) fn new() -> anyhow::Result<Self> {
-        Ok(Self {
-            interrupt: unix::signal(SignalKind::interrupt())?,
-            terminate: unix::signal(SignalKind::terminate())?,
-            hangup: unix::signal(SignalKind::hangup())?,
-        })
-    }
-
-    /// Waits for the next one; returns its name.
-    pub(crate) async fn next(&mut self) -> &'static str {
-        tokio::select! {
-            _ = self.interrupt.recv() => "SIGINT",
-            _ = self.terminate.recv() => "SIGTERM",
-            _ = self.hangup.recv() => "SIGHUP",
-        }
     }
 }
 

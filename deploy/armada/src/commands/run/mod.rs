@@ -23,8 +23,9 @@ pub(crate) use plan::Plan;
 use crate::cell_address::CellArgs;
 use crate::commands::jog::{Jog, commanded, parse_fraction, report_end};
 use crate::exit::Exit;
-use crate::motion::{Follower, Mover, Waited, end_line, enter_mode, next_state};
+use crate::motion::{Follower, MotionView, Mover, Waited, end_line, enter_mode, next_state};
 use crate::output::{Output, note};
+use crate::signals::Signals;
 use crate::standstill;
 
 /// Speed of the way to the first waypoint, as a fraction of the joints' limits.
@@ -70,9 +71,11 @@ pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
     let plan = Plan::load(&args.file, args.robot.as_ref())?.at_speed(args.speed);
     let (client, _) = args.cell.connect().await?;
     let out = args.cell.output();
+    // From here on a signal stops the robots instead of only ending this program.
+    let mut signals = Signals::new()?;
     for round in 1..=args.repeat.get() {
         if !args.no_approach
-            && let Exit::Interrupted = approach_or_halt(&client, &plan).await?
+            && let Exit::Interrupted = approach_or_halt(&client, &plan, &mut signals).await?
         {
             return Ok(Exit::Interrupted);
         }
@@ -80,7 +83,8 @@ pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
             1 => plan.title(),
             rounds => format!("{} {round}/{rounds}", plan.title()),
         };
-        let exit = once(&client, &plan, &title, args.cell.timeout, &out).await?;
+        let round = once(&client, &plan, &title, args.cell.timeout, &mut signals).await?;
+        let exit = round.report(&title, &out)?;
         if exit != Exit::Success {
             return Ok(exit);
         }
@@ -88,8 +92,8 @@ pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
     Ok(Exit::Success)
 }
 
-/// Moves every robot that is not there to its first waypoint, all at once. Ctrl-C is for the caller
-/// to see; the robots then have to be halted.
+/// Moves every robot that is not there to its first waypoint, all at once. Signals are for the
+/// caller to see; the robots then have to be halted.
 ///
 /// # Errors
 /// If a robot refuses, or does not get there.
@@ -118,11 +122,15 @@ pub(crate) async fn approach(client: &Client, plan: &Plan) -> anyhow::Result<()>
     Ok(())
 }
 
-/// The approach; when it fails or Ctrl-C comes, every robot of the plan is halted.
-async fn approach_or_halt(client: &Client, plan: &Plan) -> anyhow::Result<Exit> {
+/// The approach; when it fails or a signal comes, every robot of the plan is halted.
+async fn approach_or_halt(
+    client: &Client,
+    plan: &Plan,
+    signals: &mut Signals,
+) -> anyhow::Result<Exit> {
     let result = tokio::select! {
-        _ = tokio::signal::ctrl_c() => {
-            note("Ctrl-C: halting the robots");
+        signal = signals.next() => {
+            note(format_args!("{signal}: halting the robots"));
             Ok(Exit::Interrupted)
         }
         done = approach(client, plan) => done.map(|()| Exit::Success),
@@ -134,24 +142,42 @@ async fn approach_or_halt(client: &Client, plan: &Plan) -> anyhow::Result<Exit> 
     result
 }
 
+/// How one run of the trajectory ended.
+struct Round {
+    /// Its terminal status; `None` if it did not come in time.
+    view: Option<MotionView>,
+    /// Whether a signal ended it.
+    interrupted: bool,
+}
+
+impl Round {
+    fn report(&self, title: &str, out: &Output) -> anyhow::Result<Exit> {
+        let exit = match &self.view {
+            Some(view) => report_end(title, view, out)?,
+            None => {
+                note(format_args!("{title}: no end of the motion in time: go and look"));
+                Exit::Failure
+            }
+        };
+        Ok(if self.interrupted { Exit::Interrupted } else { exit })
+    }
+}
+
 async fn once(
     client: &Client,
     plan: &Plan,
     title: &str,
     limit: Option<Duration>,
-    out: &Output,
-) -> anyhow::Result<Exit> {
+    signals: &mut Signals,
+) -> anyhow::Result<Round> {
     let (accepted, follower) = start(client, plan).await?;
-    match follower.wait(client, title, limit).await? {
-        Waited::Ended(view) => report_end(title, &view, out),
-        Waited::Interrupted => {
-            note(format_args!("Ctrl-C: cancelling {title}"));
+    match follower.wait(client, title, limit, signals).await? {
+        Waited::Ended(view) => Ok(Round { view: Some(*view), interrupted: false }),
+        Waited::Interrupted(signal) => {
+            note(format_args!("{signal}: cancelling {title}"));
             cancel(client, plan, accepted.motion_id).await?;
-            match follower.wait_for_end(client, CANCEL_TIMEOUT).await {
-                Some(view) => drop(report_end(title, &view, out)?),
-                None => note("no end of the motion in time: go and look"),
-            }
-            Ok(Exit::Interrupted)
+            let view = follower.wait_for_end(client, CANCEL_TIMEOUT).await;
+            Ok(Round { view, interrupted: true })
         }
     }
 }

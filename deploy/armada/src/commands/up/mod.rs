@@ -24,11 +24,11 @@ use armada_protocol::client::{Client, ClientError, ClientOptions};
 use clap::{Args, ValueHint};
 
 use crate::cell_address::{client_name, parse_seconds};
-use crate::commands::process::Signals;
 use crate::exit::Exit;
 use crate::logging::LogFormat;
 use crate::output::{Output, note};
 use crate::run_file::{self, RunFile, RunRobot};
+use crate::signals::Signals;
 use children::{Children, Ended, Kind};
 use preflight::Cell;
 

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use anyhow::bail;
 use armada_protocol::client::{Client, ClientError};
-use armada_protocol::messages::{CellRobotStatus, CellStatus, CommandMode, Presence};
+use armada_protocol::messages::{
+    CellRobotStatus, CellStatus, CommandMode, ControllerState, Presence,
+};
 use tokio::time::{Instant, sleep};
 
 use super::preflight::Cell;
@@ -77,6 +79,7 @@ fn is_ready(robot: &CellRobotStatus) -> bool {
     let commandable = !matches!(robot.command_mode, None | Some(CommandMode::InvalidState));
     robot.presence == Presence::Online
         && commandable
+        && robot.controller_state == Some(ControllerState::MotorOn)
         && robot.faults.is_empty()
         && robot.stop.is_none()
         && robot.state_age_ms.is_some()
@@ -85,7 +88,7 @@ fn is_ready(robot: &CellRobotStatus) -> bool {
 #[cfg(test)]
 mod tests {
     use armada_model::MonoTime;
-    use armada_protocol::messages::{CellVerdict, ControllerState};
+    use armada_protocol::messages::CellVerdict;
     use uuid::Uuid;
 
     use super::*;
@@ -99,11 +102,8 @@ mod tests {
             state_age_ms: Some(3.0),
             ..CellRobotStatus::default()
         };
-        let off = CellRobotStatus {
-            command_mode: Some(CommandMode::InvalidState),
-            controller_state: Some(ControllerState::MotorOff),
-            ..ready.clone()
-        };
+        let off =
+            CellRobotStatus { controller_state: Some(ControllerState::MotorOff), ..ready.clone() };
         let silent = CellRobotStatus { state_age_ms: None, ..ready.clone() };
         let robots = [("a", ready), ("b", off), ("c", silent)]
             .map(|(name, robot)| (name.parse().expect("a name"), robot));

@@ -8,8 +8,8 @@ use armada_protocol::RobotName;
 
 use super::children::{Children, Kind};
 use super::preflight::Cell;
-use crate::commands::process::Signals;
 use crate::output::note;
+use crate::signals::Signals;
 use crate::standstill;
 
 /// Agents ramp their robots to standstill; they need their controllers for it, so they go first.
