@@ -20,6 +20,7 @@ mod logging;
 mod motion;
 mod output;
 mod run_file;
+mod signals;
 mod standstill;
 mod table;
 mod words;
