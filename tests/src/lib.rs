@@ -1,1 +1,16 @@
-//! Placeholder.
+//! Whole cells as real processes, for the tests in `suite`.
+//!
+//! A [`Cell`] is started by `armada up` on ports of its own, in a folder of its own, and is ended
+//! with every process it started when it is dropped.
+
+mod cell;
+mod ports;
+mod process;
+mod python;
+mod wait;
+
+pub use cell::{Cell, CellOptions};
+pub use ports::{Ports, free_tcp_port};
+pub use process::{armada, children_of, is_running, kill, signal, terminate};
+pub use python::python;
+pub use wait::{DEADLINE, wait_for};

@@ -1,0 +1,10 @@
+//! Whole cells as real processes over real Zenoh.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod ending;
+mod failures;
+mod malformed;
+mod moving;
+mod starting;
+mod support;

@@ -1,0 +1,70 @@
+//! Motions of the default cell.
+
+use std::f64::consts::FRAC_PI_2;
+
+use anyhow::Result;
+use armada_model::{Interpolation, JointTrajectory, Waypoint};
+use armada_protocol::client::Client;
+use armada_protocol::messages::{
+    Accepted, CellExecuteTrajectory, CellMotionStatus, StopLevel, StopRequest, StopScope,
+};
+use armada_protocol::method::cell::ExecuteTrajectory;
+use armada_tests::{DEADLINE, wait_for};
+use uuid::Uuid;
+
+const ARM: [(&str, f64); 6] = [
+    ("shoulder_pan_joint", 0.0),
+    ("shoulder_lift_joint", -FRAC_PI_2),
+    ("elbow_joint", FRAC_PI_2),
+    ("wrist_1_joint", -FRAC_PI_2),
+    ("wrist_2_joint", -FRAC_PI_2),
+    ("wrist_3_joint", 0.0),
+];
+
+/// Turns the first joint of both arms from where they start, by `angle_rad` in `duration_s`.
+pub(crate) fn both_arms(angle_rad: f64, duration_s: f64) -> JointTrajectory {
+    let joints = ["left_arm", "right_arm"]
+        .iter()
+        .flat_map(|arm| ARM.iter().map(move |(joint, at)| (format!("{arm}/{joint}"), *at)));
+    let (joint_names, start): (Vec<_>, Vec<_>) = joints.unzip();
+    let mut goal = start.clone();
+    goal[0] += angle_rad;
+    goal[6] += angle_rad;
+    let waypoint = |time_from_start_s, joint_position| Waypoint {
+        time_from_start_s,
+        joint_position,
+        joint_velocity: Vec::new(),
+    };
+    JointTrajectory {
+        joint_names,
+        waypoints: vec![waypoint(0.0, start), waypoint(duration_s, goal)],
+        interpolation: Interpolation::CubicSpline,
+    }
+}
+
+/// Starts a motion of several robots.
+pub(crate) async fn execute(client: &Client, trajectory: JointTrajectory) -> Result<Accepted> {
+    let params = CellExecuteTrajectory { motion_id: None, trajectory };
+    Ok(client.call_cell::<ExecuteTrajectory>(params).await?)
+}
+
+/// The status of a cell's motion as soon as it satisfies `condition`.
+pub(crate) async fn motion_when(
+    client: &Client,
+    id: Uuid,
+    condition: impl Fn(&CellMotionStatus) -> bool,
+) -> Result<CellMotionStatus> {
+    let look = async || client.cell_motion(id).await.ok().filter(|motion| condition(motion));
+    wait_for("the motion is as expected", DEADLINE, look).await
+}
+
+pub(crate) fn stop_request() -> StopRequest {
+    StopRequest {
+        stop_id: Uuid::now_v7(),
+        source: "test".to_owned(),
+        level: StopLevel::L2,
+        scope: StopScope::Cell,
+        reason: "test".to_owned(),
+        seq: 0,
+    }
+}
