@@ -13,7 +13,7 @@ use armada_protocol::messages::{CommandMode, EventKind, RobotFlags, SchedulingPo
 use armada_protocol::session::SessionError;
 use rtrb::Producer;
 use serde_json::Map;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Notify, mpsc, watch};
 use tokio::task::JoinHandle as Task;
 use tracing::{error, info, warn};
 use uuid::Uuid;
@@ -28,19 +28,21 @@ use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
 use super::publisher::Publisher;
-use super::realtime::RealtimeReport;
+use super::realtime::{self, RealtimeReport};
 use super::requests::Requests;
 use super::robot::Robot;
 use super::stop_gate::StopGate;
 use super::stop_intake::StopIntake;
 use super::wake_log::WakeLog;
 use super::words::Vocabulary;
-use crate::config::{ConfigError, RobotConfig};
+use crate::config::{ConfigError, RealtimeConfig, RobotConfig};
 use crate::control::{Input, LoopRequest, LoopState, Params, ParamsError, step};
 use crate::drivers::SetupError;
 
 /// How long an agent that ends waits for its robot to stand still.
 const STANDSTILL_PATIENCE: Duration = Duration::from_secs(5);
+/// How much less urgent than the loop the publisher is, which hands a fresh state to Zenoh.
+const BELOW_LOOP: u8 = 10;
 /// Events between loop, publisher and desk.
 const DESK_QUEUE: usize = 4096;
 /// Events kept for late joiners.
@@ -144,7 +146,8 @@ impl Agent {
         let (remarks, remarked) = mpsc::channel(DESK_QUEUE);
         let (cleared, cleared_seen) = watch::channel(0);
         let desk = shared.desk(&session, &robot, running.realtime.policy, cleared).await?;
-        let desk = start_task(desk.run(Inboxes { loop_events, stops, remarks: remarked }));
+        let changed = Arc::clone(&shared.changed);
+        let desk = start_task(desk.run(Inboxes { loop_events, stops, remarks: remarked, changed }));
         let requests = Arc::new(shared.requests(&robot, orders, cleared_seen, remarks.clone()));
         let keys = bus::open_keys(&session, &robot, &shared.board, &requests, stop).await?;
         let agent = Self {
@@ -227,6 +230,7 @@ struct Shared {
     gate: Arc<StopGate>,
     meter: Arc<Meter>,
     board: Arc<SharedBoard>,
+    changed: Arc<Notify>,
     shutdown: Arc<AtomicBool>,
 }
 
@@ -241,6 +245,7 @@ impl Shared {
             gate: Arc::default(),
             meter: Arc::default(),
             board: Arc::new(SharedBoard::new(Board::new(vocabulary, boot_id, first))),
+            changed: Arc::default(),
             shutdown: Arc::default(),
         })
     }
@@ -265,6 +270,7 @@ impl Shared {
             variables: robot.variables(),
             chains: robot.chain_links(),
             model: robot.model.clone(),
+            changed: Arc::clone(&self.changed),
             shutdown: Arc::clone(&self.shutdown),
         })
     }
@@ -355,7 +361,15 @@ fn spawn_publisher(
     config: &RobotConfig,
 ) -> Result<JoinHandle<()>, AgentError> {
     let name = format!("publish-{}", config.robot);
-    Ok(Builder::new().name(name).spawn(move || publisher.run())?)
+    let priority = config.control.realtime.priority;
+    let priority = priority.map(|priority| priority.saturating_sub(BELOW_LOOP).max(1));
+    let scheduling = RealtimeConfig { priority, cpu: None, lock_memory: false };
+    let run = move || {
+        // Refused where it is refused to the loop, which says so.
+        realtime::enter(&scheduling);
+        publisher.run();
+    };
+    Ok(Builder::new().name(name).spawn(run)?)
 }
 
 #[expect(clippy::disallowed_methods, reason = "the runtime is where tasks are started")]

@@ -14,7 +14,7 @@ use armada_protocol::publish::{Cached, Latest};
 use armada_protocol::qos::Channel;
 use armada_protocol::serve;
 use serde_json::{Map, Value, json};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::MissedTickBehavior;
 use tracing::{debug, info, warn};
 use uuid::Uuid;
@@ -63,6 +63,8 @@ pub(super) struct Inboxes {
     pub(super) loop_events: mpsc::Receiver<StampedEvent>,
     pub(super) stops: mpsc::Receiver<IncomingStop>,
     pub(super) remarks: mpsc::Receiver<Remark>,
+    /// The robot's condition has changed, with or without an event.
+    pub(super) changed: Arc<Notify>,
 }
 
 impl Desk {
@@ -80,6 +82,7 @@ impl Desk {
                     None => break,
                 },
                 Some(remark) = inboxes.remarks.recv() => self.remark(remark).await,
+                () = inboxes.changed.notified() => self.publish_status().await,
                 _ = clock.tick() => {
                     self.progress().await;
                     beats += 1;

@@ -5,9 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use armada_model::{MonoTime, Pose, RobotModel};
-use armada_protocol::messages::{JointState, RobotState, TcpState};
+use armada_protocol::messages::{
+    CommandMode, ControllerState, JointState, OperationalMode, RobotState, TcpState,
+};
 use armada_protocol::publish::Latest as Sender;
-use tokio::sync::mpsc;
+use tokio::sync::{Notify, mpsc};
 use tracing::{debug, warn};
 use uuid::Uuid;
 
@@ -40,6 +42,8 @@ pub(super) struct Publisher {
     pub(super) chains: Vec<Chain>,
     /// Position variable of the model for each joint of the robot.
     pub(super) variables: Vec<usize>,
+    /// Told when the robot's condition has changed.
+    pub(super) changed: Arc<Notify>,
     pub(super) shutdown: Arc<AtomicBool>,
 }
 
@@ -55,7 +59,10 @@ impl Publisher {
                 published = latest.due;
                 self.publish(&latest.snapshot);
             }
-            self.board.lock().snapshot = latest.snapshot;
+            let before = std::mem::replace(&mut self.board.lock().snapshot, latest.snapshot);
+            if condition(&before) != condition(&latest.snapshot) {
+                self.changed.notify_one();
+            }
             while let Ok(event) = self.mailbox.events.pop() {
                 if self.desk.try_send(event).is_err() {
                     warn!("an event of the loop was lost: the desk does not keep up");
@@ -130,6 +137,12 @@ impl Publisher {
             effort: state.joint_effort_nm,
         }
     }
+}
+
+/// What a status says of the robot's condition.
+const fn condition(snapshot: &Snapshot) -> (CommandMode, ControllerState, OperationalMode, u64) {
+    let Snapshot { command_mode, controller_state, operational_mode, flags, .. } = *snapshot;
+    (command_mode, controller_state, operational_mode, flags.bits())
 }
 
 /// The wall clock at `stamp`, which lies a moment back.

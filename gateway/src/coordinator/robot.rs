@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use armada_model::MonoTime;
 use armada_protocol::messages::{
-    ActionStatus, CellRobotStatus, CommandMode, LatchedStop, Presence, RobotInfo, RobotState,
-    RobotStatus, TcpState,
+    ActionStatus, CellRobotStatus, CommandMode, ControllerState, LatchedStop, Presence, RobotInfo,
+    RobotState, RobotStatus, TcpState,
 };
 use uuid::Uuid;
 
@@ -155,11 +155,13 @@ impl RobotRecord {
         }
     }
 
-    /// Whether the robot could be commanded now: present, known, without fault, in a valid mode.
+    /// Whether the robot could be commanded now, but for a stop: present, known, without fault, in a
+    /// valid mode, with its drives on.
     pub(super) fn is_sound(&self) -> bool {
         let sound = |status: &RobotStatus| {
-            status.faults.is_empty()
-                && (status.command_mode != CommandMode::InvalidState || status.stop.is_some())
+            let commandable = status.command_mode != CommandMode::InvalidState
+                && status.controller_state == ControllerState::MotorOn;
+            status.faults.is_empty() && (commandable || status.stop.is_some())
         };
         self.is_online() && self.status.as_deref().is_some_and(sound)
     }
