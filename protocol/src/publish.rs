@@ -6,9 +6,7 @@ use serde::Serialize;
 use zenoh::pubsub::Publisher;
 use zenoh::sample::Locality;
 use zenoh::{Session, Wait};
-use zenoh_ext::{
-    AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig,
-};
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
 use crate::codec::{CodecError, WireEncoding};
 use crate::qos::Channel;

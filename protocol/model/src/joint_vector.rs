@@ -134,10 +134,7 @@ mod tests {
 
     #[test]
     fn seventeen_values_are_refused_with_the_count() {
-        assert_eq!(
-            JointVector::from_slice(&[0.0; 17]),
-            Err(JointVectorError::TooLong { len: 17 })
-        );
+        assert_eq!(JointVector::from_slice(&[0.0; 17]), Err(JointVectorError::TooLong { len: 17 }));
     }
 
     #[test]

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 ///
 /// Two instants can only be compared if they come from the same clock. Unlike
 /// [`std::time::Instant`] it can be written to a recording and made from a number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 #[serde(transparent)]
 pub struct MonoTime(u64);
 
