@@ -72,6 +72,16 @@ impl Cell {
         Ok(Client::connect(self.client_options()).await?)
     }
 
+    /// A client that knows only the gateway.
+    ///
+    /// # Errors
+    /// If it does not answer.
+    pub async fn routed_client(&self) -> Result<Client> {
+        let mut options = self.client_options();
+        options.connect.truncate(1);
+        Ok(Client::connect(options).await?)
+    }
+
     fn client_options(&self) -> ClientOptions {
         let connect = self.endpoints();
         ClientOptions { name: "test".to_owned(), connect, namespace: None }

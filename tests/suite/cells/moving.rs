@@ -1,6 +1,7 @@
 //! Arms move together, from Rust, Python and the command line.
 
-use std::process::Command;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result};
 use armada_protocol::messages::ActionStatus;
@@ -69,5 +70,29 @@ async fn the_example_of_the_readme_works_as_printed() -> Result<()> {
     assert!(output.status.success(), "{printed}\n{errors}");
     assert!(printed.contains("left_arm"), "{printed}");
     assert!(printed.to_lowercase().contains("complete"), "{printed}");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_subscriber_of_bare_zenoh_and_json_works_as_printed() -> Result<()> {
+    let Some(python) = python() else { return Ok(()) };
+    let cell = Cell::start(CellOptions::default()).await?;
+    let readme = include_str!("../../../README.md");
+    let example = readme.split("```py\n").nth(1).context("the bare example")?;
+    let example = example.split("```").next().context("its end")?;
+    let gateway = cell.endpoints().into_iter().next().context("the gateway")?;
+    let example = example.replace("tcp/127.0.0.1:7447", &gateway);
+    let mut reader =
+        Command::new(python).args(["-u", "-c", &example]).stdout(Stdio::piped()).spawn()?;
+    let output = reader.stdout.take().context("its output")?;
+    let first = tokio::task::spawn_blocking(move || {
+        let mut line = String::new();
+        BufReader::new(output).read_line(&mut line).map(|_| line)
+    });
+    let first = tokio::time::timeout(armada_tests::DEADLINE, first).await;
+    reader.kill()?;
+    reader.wait()?;
+    let line = first???;
+    assert!(line.contains("robots/") && line.contains("halt"), "{line:?}");
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use armada_protocol::keys;
-use armada_protocol::messages::CellFrames;
+use armada_protocol::messages::{CellFrames, RobotState};
 use armada_tests::{Cell, CellOptions, DEADLINE, wait_for};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -53,6 +53,26 @@ async fn every_link_of_every_robot_has_a_pose_in_the_world() -> Result<()> {
     assert!((left.position() - nalgebra::Vector3::new(0.0, 0.45, 0.75)).norm() < 1e-9);
     for link in ["left_arm/tool0", "right_arm/tool0", "torso/carriage"] {
         assert!(full.frames.contains_key(link), "{link} is not in {:?}", full.frames.keys());
+    }
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_state_comes_once_whether_routed_or_straight() -> Result<()> {
+    let cell = Cell::start(CellOptions::default()).await?;
+    for client in [cell.routed_client().await?, cell.client().await?] {
+        let states = client.subscribe::<RobotState>(&keys::ROBOT_STATE.any(), 1024).await?;
+        let mut last = std::collections::BTreeMap::new();
+        let read = async {
+            for _ in 0..300 {
+                let (key, state) = states.next().await?;
+                let before = last.insert(key.clone(), state.seqno);
+                assert!(before.is_none_or(|before| before < state.seqno), "{key} came twice");
+            }
+            anyhow::Ok(())
+        };
+        tokio::time::timeout(DEADLINE, read).await??;
+        assert_eq!(last.len(), 3, "{:?}", last.keys());
     }
     Ok(())
 }
