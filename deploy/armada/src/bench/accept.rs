@@ -22,7 +22,7 @@ use super::raw;
 use super::report::{Report, Section};
 use super::robot_file::{Folder, JOINTS, RobotSpec, free_endpoint};
 use super::swing::long_swing;
-use super::{PairArgs, Side, turns};
+use super::{CommonArgs, RepeatArgs, Side, turns};
 use crate::output::Progress;
 
 /// Size of the reference's answer, about that of ours \[bytes\].
@@ -40,7 +40,9 @@ pub(super) struct AcceptArgs {
         value_parser = clap::value_parser!(u32).range(1..=100_000))]
     rounds: u32,
     #[command(flatten)]
-    pub(super) common: PairArgs,
+    repeat: RepeatArgs,
+    #[command(flatten)]
+    pub(super) common: CommonArgs,
 }
 
 /// Measures both, pair by pair.
@@ -69,9 +71,9 @@ pub(super) async fn measure(args: AcceptArgs) -> anyhow::Result<Report> {
 
     let (mut ours, mut raw) = (Vec::new(), Vec::new());
     let mut progress = Progress::new();
-    for pair in 0..args.common.pairs {
+    for pair in 0..args.repeat.pairs {
         for side in turns(pair) {
-            progress.show(&format!("pair {} of {}: {side}", pair + 1, args.common.pairs));
+            progress.show(&format!("pair {} of {}: {side}", pair + 1, args.repeat.pairs));
             match side {
                 Side::Ours => ours.push(prepare(&arm, &params, args.rounds).await?),
                 Side::Reference => raw.push(query(&reference, &payload, args.rounds).await?),
@@ -79,22 +81,31 @@ pub(super) async fn measure(args: AcceptArgs) -> anyhow::Result<Report> {
         }
     }
     drop(progress);
-    let parts = Parts::measure(&params, &payload, args.rounds)?;
     reference.close();
     answerer.end().await?;
     arm.end().await?;
     controller.end().await?;
+    let parts = Parts::measure(&params, &payload, args.rounds)?;
+    Ok(report(&args, machine, payload.len(), [ours, raw], &parts))
+}
 
+fn report(
+    args: &AcceptArgs,
+    machine: Machine,
+    bytes: usize,
+    [ours, raw]: [Vec<[f64; 4]>; 2],
+    parts: &Parts,
+) -> Report {
     let settings = json!({
         "waypoints": args.waypoints,
         "joints": JOINTS.len(),
-        "payload_bytes": payload.len(),
+        "payload_bytes": bytes,
         "rounds": args.rounds,
-        "pairs": args.common.pairs,
+        "pairs": args.repeat.pairs,
     });
     let mut report = Report::new("accept", settings, machine);
     let columns = QUANTILES.map(|(name, _)| name);
-    let title = format!("{} waypoints x 7 joints, {} bytes, ms", args.waypoints, payload.len());
+    let title = format!("{} waypoints x 7 joints, {bytes} bytes, ms", args.waypoints);
     let section = Section::new(title, columns)
         .row("armada, request to answer", &ours)
         .row("raw query of that size", &raw)
@@ -108,7 +119,7 @@ pub(super) async fn measure(args: AcceptArgs) -> anyhow::Result<Report> {
          the wait for the next tick",
     );
     report.note("the parts were measured alone, in this process, with warm caches");
-    Ok(report)
+    report
 }
 
 async fn prepare(

@@ -15,7 +15,7 @@ use super::part::{Ask, Part};
 use super::raw::zenoh_error;
 use super::report::{Report, Section};
 use super::robot_file::{Folder, RobotSpec};
-use super::{PairArgs, TimeArgs};
+use super::{CommonArgs, RepeatArgs, TimeArgs};
 use crate::output::Progress;
 
 /// Rates of the control loop \[Hz\].
@@ -31,7 +31,9 @@ pub(super) struct CpuArgs {
     #[command(flatten)]
     time: TimeArgs,
     #[command(flatten)]
-    pub(super) common: PairArgs,
+    repeat: RepeatArgs,
+    #[command(flatten)]
+    pub(super) common: CommonArgs,
 }
 
 /// Processor time of one rate, in percent of one processor.
@@ -50,9 +52,9 @@ pub(super) async fn measure(args: CpuArgs) -> anyhow::Result<Report> {
     let folder = Folder::make()?;
     let mut shares: Vec<Vec<Shares>> = RATES_HZ.map(|_| Vec::new()).into();
     let mut progress = Progress::new();
-    for pair in 0..args.common.pairs {
+    for pair in 0..args.repeat.pairs {
         for (rate, shares) in RATES_HZ.into_iter().zip(&mut shares) {
-            progress.show(&format!("{} of {}: {rate} Hz", pair + 1, args.common.pairs));
+            progress.show(&format!("{} of {}: {rate} Hz", pair + 1, args.repeat.pairs));
             shares.push(measure_rate(&args, &folder, rate, &mut machine).await?);
         }
     }
@@ -60,7 +62,7 @@ pub(super) async fn measure(args: CpuArgs) -> anyhow::Result<Report> {
     let settings = json!({
         "state_rate_hz": STATE_RATE_HZ,
         "seconds": args.time.seconds.as_secs_f64(),
-        "repetitions": args.common.pairs,
+        "repetitions": args.repeat.pairs,
     });
     let mut report = Report::new("cpu", settings, machine);
     for (rate, shares) in RATES_HZ.into_iter().zip(&shares) {

@@ -21,7 +21,7 @@ use super::part::Part;
 use super::raw::{self, zenoh_error};
 use super::report::{Report, Section};
 use super::robot_file::{Folder, RobotSpec, free_endpoint};
-use super::{PairArgs, Side, TimeArgs, turns};
+use super::{CommonArgs, RepeatArgs, Side, TimeArgs, turns};
 use crate::output::Progress;
 
 /// Time for connections and caches before a measurement.
@@ -39,7 +39,9 @@ pub(super) struct LatencyArgs {
     #[command(flatten)]
     time: TimeArgs,
     #[command(flatten)]
-    pub(super) common: PairArgs,
+    repeat: RepeatArgs,
+    #[command(flatten)]
+    pub(super) common: CommonArgs,
 }
 
 /// A sample with the time at which Zenoh handed it over.
@@ -50,9 +52,9 @@ pub(super) async fn measure(args: LatencyArgs) -> anyhow::Result<Report> {
     let machine = Machine::now();
     let mut bench = Bench::start(args, machine).await?;
     let mut progress = Progress::new();
-    for pair in 0..bench.args.common.pairs {
+    for pair in 0..bench.args.repeat.pairs {
         for side in turns(pair) {
-            progress.show(&format!("pair {} of {}: {side}", pair + 1, bench.args.common.pairs));
+            progress.show(&format!("pair {} of {}: {side}", pair + 1, bench.args.repeat.pairs));
             match side {
                 Side::Ours => bench.measure_agent().await?,
                 Side::Reference => bench.measure_raw().await?,
@@ -156,7 +158,7 @@ impl Bench {
         let settings = json!({
             "rate_hz": args.rate,
             "seconds": args.time.seconds.as_secs_f64(),
-            "pairs": args.common.pairs,
+            "pairs": args.repeat.pairs,
             "payload_bytes": self.bytes,
         });
         let mut report = Report::new("latency", settings, self.machine);

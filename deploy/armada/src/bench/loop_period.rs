@@ -14,7 +14,7 @@ use super::part::{Ask, Part};
 use super::report::{Report, Section};
 use super::robot_file::{Folder, RobotSpec};
 use super::wakes::Regularity;
-use super::{PairArgs, Side, TimeArgs, turns};
+use super::{CommonArgs, RepeatArgs, Side, TimeArgs, turns};
 use crate::output::Progress;
 
 /// Time for caches and connections before a measurement.
@@ -33,7 +33,9 @@ pub(super) struct LoopArgs {
     #[arg(long)]
     load: bool,
     #[command(flatten)]
-    pub(super) common: PairArgs,
+    repeat: RepeatArgs,
+    #[command(flatten)]
+    pub(super) common: CommonArgs,
 }
 
 /// Measures the period error of both loops, pair by pair.
@@ -42,9 +44,9 @@ pub(super) async fn measure(args: LoopArgs) -> anyhow::Result<Report> {
     let mut bench = Bench::start(args, machine).await?;
     let (mut ours, mut reference) = (Vec::new(), Vec::new());
     let mut progress = Progress::new();
-    for pair in 0..bench.args.common.pairs {
+    for pair in 0..bench.args.repeat.pairs {
         for side in turns(pair) {
-            progress.show(&format!("pair {} of {}: {side}", pair + 1, bench.args.common.pairs));
+            progress.show(&format!("pair {} of {}: {side}", pair + 1, bench.args.repeat.pairs));
             match side {
                 Side::Ours => ours.push(figures(bench.measure_agent(pair).await?)),
                 Side::Reference => reference.push(figures(bench.measure_bare().await?)),
@@ -119,7 +121,7 @@ impl Bench {
         let settings = json!({
             "rate_hz": self.args.rate,
             "seconds": self.args.time.seconds.as_secs_f64(),
-            "pairs": self.args.common.pairs,
+            "pairs": self.args.repeat.pairs,
             "load": self.args.load,
         });
         let mut report = Report::new("loop", settings, self.machine);

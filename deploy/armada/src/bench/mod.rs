@@ -79,13 +79,18 @@ enum What {
     },
 }
 
-/// Arguments of every measurement in pairs.
+/// How often a measurement is repeated.
 #[derive(Args, Clone, Debug)]
-struct PairArgs {
+struct RepeatArgs {
     /// Pairs of measurements: ours and the reference
     #[arg(long, value_name = "NUMBER", default_value_t = 5,
         value_parser = clap::value_parser!(u32).range(1..=1000))]
     pairs: u32,
+}
+
+/// Arguments of every measurement of processes.
+#[derive(Args, Clone, Debug)]
+struct CommonArgs {
     /// Scheduling of the loops; fifo falls back to other where the system does not permit it
     #[arg(long, value_enum, default_value = "fifo")]
     policy: Policy,

@@ -20,7 +20,7 @@ use tokio::sync::mpsc;
 use tokio::time::{sleep, timeout};
 use uuid::Uuid;
 
-use super::Policy;
+use super::CommonArgs;
 use super::arm::{Arm, Controller, connect};
 use super::child::Child;
 use super::figures::{QUANTILES, quantiles};
@@ -57,17 +57,6 @@ pub(super) struct StopArgs {
     rounds: u32,
     #[command(flatten)]
     pub(super) common: CommonArgs,
-}
-
-/// Arguments that every measurement has.
-#[derive(Args, Clone, Debug)]
-pub(super) struct CommonArgs {
-    /// Scheduling of the loops; fifo falls back to other where the system does not permit it
-    #[arg(long, value_enum, default_value = "fifo")]
-    policy: Policy,
-    /// Print JSON, for scripts
-    #[arg(long)]
-    pub(super) json: bool,
 }
 
 /// Stops moving robots again and again.
