@@ -32,7 +32,7 @@ async fn open(endpoint: &str) -> anyhow::Result<Session> {
     Ok(session::open(&options).await?)
 }
 
-/// Puts a payload each period; it begins with [`Stamps`].
+/// Puts a payload each period; it begins with its time stamps.
 pub(super) async fn publish(
     endpoint: &str,
     period: Duration,
