@@ -5,6 +5,7 @@
 mod common;
 
 use std::f64::consts::FRAC_PI_2;
+use std::time::Duration;
 
 use armada_agent::runtime::{Agent, AgentError};
 use armada_model::{Interpolation, JointTrajectory, JointVector, Waypoint};
@@ -193,14 +194,18 @@ async fn a_prepared_motion_starts_at_its_instant_and_dies_with_its_epoch() {
     let prepared =
         client.call::<Prepare>(robot, follow(turn(0.0, 0.1, 0.5))).await.expect("prepared");
     let clock = client.robot_clock(robot).await.expect("clock");
-    let start = clock.stamp_ns + std::time::Duration::from_millis(200);
+    let start = clock.stamp_ns + Duration::from_millis(200);
     let commit =
         CommitParams { motion_id: prepared.motion_id, boot_id: clock.boot_id, start_ns: start };
     client.call::<Commit>(robot, commit).await.expect("committed");
     let end = bench.motion_end(prepared.motion_id).await;
     assert_eq!(end.status, ActionStatus::Complete);
-    let started = end.started_ns.expect("it started").as_nanos();
-    assert!(started.abs_diff(start.as_nanos()) <= 2_000_000, "{started} for {start}");
+    let started = end.started_ns.expect("it started");
+    // Never early by more than the half period that rounding to a tick takes; how late it is
+    // depends on how busy the machine is, but it is not a matter of the 200 ms of the lead.
+    let (early, late) = (start.saturating_since(started), started.saturating_since(start));
+    assert!(early <= Duration::from_millis(1), "{early:?} early");
+    assert!(late < Duration::from_millis(200), "{late:?} late");
 
     let prepared =
         client.call::<Prepare>(robot, follow(turn(0.1, 0.0, 0.5))).await.expect("prepared");

@@ -2,8 +2,9 @@
 //!
 //! A late wake-up runs one tick for the newest deadline that has passed and skips those before,
 //! so the phase is kept and set-points stay one period apart: the motion is delayed, never
-//! hurried. A step that panics is counted, told to the next step as a loop error, and sends
-//! nothing; the controller's own watchdog covers a loop that panics again and again.
+//! hurried. A tick that panics, in the driver or in the step, is counted, told to the next step as
+//! a loop error, and sends nothing more; the controller's own watchdog covers a loop that panics
+//! again and again.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -80,7 +81,12 @@ impl LoopThread {
             if let Some(log) = &mut self.wake_log {
                 log.note(tick, woke);
             }
-            loop_error = !self.tick(woke, tick, loop_error, &mut due);
+            // Driver and step alike: a panic in either is a fault of this tick, never a silent end.
+            let guarded = AssertUnwindSafe(|| self.tick(woke, tick, loop_error, &mut due));
+            loop_error = catch_unwind(guarded).is_err();
+            if loop_error {
+                self.meter.panics.fetch_add(1, Ordering::Relaxed);
+            }
             deadline = tick + period;
             if monotonic() > deadline {
                 self.meter.overruns.fetch_add(1, Ordering::Relaxed);
@@ -88,14 +94,8 @@ impl LoopThread {
         }
     }
 
-    /// One tick; returns whether the step ran to its end.
-    fn tick(
-        &mut self,
-        woke: MonoTime,
-        deadline: MonoTime,
-        loop_error: bool,
-        due: &mut Due,
-    ) -> bool {
+    /// One tick. One that panics leaves its requests unanswered; they time out.
+    fn tick(&mut self, woke: MonoTime, deadline: MonoTime, loop_error: bool, due: &mut Due) {
         let driver = &mut self.driver;
         self.link.receive(|endpoint, _, bytes| driver.receive(woke, endpoint, bytes));
         let mut input = Input {
@@ -110,18 +110,9 @@ impl LoopThread {
         {
             input.requests.push(request);
         }
-        let (params, state) = (&self.params, &mut self.state);
-        let result = catch_unwind(AssertUnwindSafe(|| step(params, state, &mut input)));
-        // A panic may leave requests; they are not freed here but forgotten with their tickets,
-        // which time out.
-        mem::forget(input);
-        let Ok(output) = result else {
-            self.meter.panics.fetch_add(1, Ordering::Relaxed);
-            return false;
-        };
+        let output = step(&self.params, &mut self.state, &mut input);
         self.send(woke, &output);
         self.report(output, due);
-        true
     }
 
     fn send(&mut self, now: MonoTime, output: &Output) {
@@ -182,4 +173,122 @@ impl Due {
 
 fn whole_periods(time: Duration, period: Duration) -> u64 {
     u64::try_from(time.as_nanos() / period.as_nanos().max(1)).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use armada_model::{JointLimits, JointVector};
+    use armada_protocol::messages::FaultCode;
+
+    use super::super::mailbox::mailbox;
+    use super::*;
+    use crate::control::LoopEvent;
+    use crate::drivers::{DriverRequest, Endpoint, Feedback, LinkCounters, SetPoint, Transmit};
+
+    const PERIOD: Duration = Duration::from_millis(1);
+
+    /// A driver with a defect that shows in its third tick.
+    struct Defective {
+        transmissions: u64,
+    }
+
+    impl Driver for Defective {
+        fn endpoints(&self) -> &[Endpoint] {
+            &[]
+        }
+
+        fn pacing(&self) -> Pacing {
+            Pacing::Every(PERIOD)
+        }
+
+        fn receive(&mut self, _: MonoTime, _: usize, _: &[u8]) {}
+
+        fn feedback(&self) -> Option<&Feedback> {
+            None
+        }
+
+        fn request(&mut self, _: MonoTime, _: DriverRequest) {}
+
+        fn command(&mut self, _: MonoTime, _: &SetPoint) {}
+
+        fn poll_transmit(&mut self, _: MonoTime, _: &mut [u8]) -> Option<Transmit> {
+            self.transmissions += 1;
+            assert_ne!(self.transmissions, 3, "the defect of the third tick");
+            None
+        }
+
+        fn counters(&self) -> LinkCounters {
+            LinkCounters::default()
+        }
+    }
+
+    fn params() -> Params {
+        let one = JointVector::from_slice(&[0.1]).expect("one joint");
+        let limits = JointLimits {
+            lower: Some(-1.0),
+            upper: Some(1.0),
+            velocity: 1.0,
+            acceleration: Some(1.0),
+            effort: None,
+        };
+        Params {
+            limits: vec![limits],
+            period: PERIOD,
+            communication_timeout: Duration::from_millis(100),
+            start_tolerance: one,
+            tracking_tolerance: one,
+            tracking_lag: Duration::from_millis(10),
+            standstill_velocity: one,
+            standstill_hold: Duration::from_millis(50),
+            request_timeout: Duration::from_millis(500),
+            enable_on_start: false,
+        }
+    }
+
+    #[test]
+    fn a_panic_in_a_tick_is_a_latched_fault_and_the_loop_goes_on() {
+        let params = params();
+        let mut state = LoopState::new(&params).expect("valid parameters");
+        let mut input = Input {
+            now: monotonic(),
+            feedback: None,
+            stop: None,
+            loop_error: false,
+            requests: ArrayVec::new(),
+        };
+        let first = step(&params, &mut state, &mut input).snapshot;
+        let (loop_end, mut publisher, _requests) = mailbox(first);
+        let (meter, shutdown) = (Arc::<Meter>::default(), Arc::<AtomicBool>::default());
+        let running = LoopThread {
+            name: "defective".to_owned(),
+            state,
+            params,
+            driver: Box::new(Defective { transmissions: 0 }),
+            link: Link::open(&[]).expect("nothing to open"),
+            mailbox: loop_end,
+            gate: Arc::default(),
+            meter: Arc::clone(&meter),
+            realtime: RealtimeConfig { priority: None, cpu: None, lock_memory: false },
+            ticks_per_sample: 1,
+            publisher: std::thread::current(),
+            shutdown: Arc::clone(&shutdown),
+            wake_log: None,
+        };
+        let running = running.start().expect("a thread");
+        let deadline = monotonic() + Duration::from_secs(10);
+        let mut fault = None;
+        while fault.is_none() && monotonic() < deadline {
+            std::thread::park_timeout(PERIOD);
+            while let Ok((_, event)) = publisher.events.pop() {
+                if let LoopEvent::FaultLatched(latched) = event {
+                    fault = Some(latched.code);
+                }
+            }
+        }
+        shutdown.store(true, Ordering::Relaxed);
+        running.thread.join().expect("the loop ends in order");
+        assert_eq!(fault, Some(FaultCode::LoopError));
+        assert_eq!(meter.panics.load(Ordering::Relaxed), 1);
+        assert!(meter.ticks.load(Ordering::Relaxed) > 3);
+    }
 }

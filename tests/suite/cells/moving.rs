@@ -17,7 +17,8 @@ async fn both_arms_start_together_and_reach_their_goals() -> Result<()> {
     let end = motion_when(&client, accepted.motion_id, |m| m.status.is_terminal()).await?;
     assert_eq!(end.status, ActionStatus::Complete, "{end:#?}");
     let skew = end.start_skew_ms.context("both have started")?;
-    assert!(skew <= 20.0, "the arms started {skew} ms apart");
+    // Far below the 150 ms between commit and start; a busy machine may delay one of the loops.
+    assert!(skew <= 100.0, "the arms started {skew} ms apart");
     for part in end.parts.values() {
         assert_eq!(part.status, ActionStatus::Complete);
     }
