@@ -276,3 +276,24 @@ async fn a_second_agent_of_the_same_name_is_refused() {
     }
     bench.shut_down().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn of_two_motions_with_one_id_exactly_one_begins() {
+    let bench = Bench::start().await;
+    set_mode(&bench, CommandMode::Trajectory).await;
+    let params = || ExecuteTrajectoryParams {
+        motion_id: Some(Uuid::from_u128(7)),
+        trajectory: turn(0.0, 0.1, 0.5),
+    };
+    let (client, robot) = (&bench.client, &bench.robot);
+    let (one, other) = tokio::join!(
+        client.call::<ExecuteTrajectory>(robot, params()),
+        client.call::<ExecuteTrajectory>(robot, params()),
+    );
+    assert!(one.is_ok() != other.is_ok(), "{one:?} {other:?}");
+    let refused = denial(if one.is_ok() { other } else { one });
+    assert_eq!(refused.code, DenialCode::InvalidArgument, "{refused}");
+    let end = bench.motion_end(Uuid::from_u128(7)).await;
+    assert_eq!(end.status, ActionStatus::Complete, "{end:?}");
+    bench.shut_down().await;
+}

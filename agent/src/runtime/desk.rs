@@ -229,9 +229,14 @@ impl Desk {
             let mut board = self.board.lock();
             board.statistics = statistics;
             board.panics = self.meter.panics.load(Ordering::Relaxed);
-            let malformed = self.meter.malformed_packets.load(Ordering::Relaxed);
-            if malformed > 0 {
-                board.dropped.insert("malformed_packet".to_owned(), malformed);
+            for (what, counter) in [
+                ("malformed_packet", &self.meter.malformed_packets),
+                ("lost_loop_event", &self.meter.lost_events),
+            ] {
+                let count = counter.load(Ordering::Relaxed);
+                if count > 0 {
+                    board.dropped.insert(what.to_owned(), count);
+                }
             }
             let snapshot = board.snapshot;
             board.motions.progress(&snapshot)

@@ -19,7 +19,7 @@ use serde_json::{Map, Value};
 use tokio::sync::{mpsc, watch};
 use uuid::Uuid;
 
-use super::board::SharedBoard;
+use super::board::{Board, SharedBoard};
 use super::clock::monotonic;
 use super::desk::Remark;
 use super::motion_log::queued;
@@ -246,7 +246,7 @@ impl Requests {
                 format!("{MAX_PREPARED} motions are prepared already: commit or abort one"),
             ));
         }
-        self.check_new(motion_id)?;
+        check_new(&self.board.lock(), motion_id)?;
         prepared
             .insert(motion_id, PreparedMotion { trajectory, epoch, expires: now + PREPARED_TTL });
         let ttl_ms = u64::try_from(PREPARED_TTL.as_millis()).unwrap_or(u64::MAX);
@@ -326,22 +326,10 @@ impl Requests {
         Ok(snapshot.epoch)
     }
 
-    fn check_new(&self, id: Uuid) -> Result<(), Denial> {
-        if self.board.lock().motions.find(id).is_none() {
-            return Ok(());
-        }
-        Err(Denial::new(
-            DenialCode::InvalidArgument,
-            format!("motion_id {id} was used for another motion"),
-        )
-        .with("field", "motion_id"))
-    }
-
     /// Begins the log of a motion, hands it to the loop, and takes the log back if it refuses.
     async fn start(&self, motion: NewMotion, order: Order) -> Result<Accepted, Denial> {
-        self.check_new(motion.id)?;
         let (id, duration_s) = (motion.id, motion.duration_s);
-        self.begin(motion);
+        self.begin(motion)?;
         match self.ask(order, LOOP_PATIENCE).await {
             Ok(Granted { epoch, .. }) => {
                 // Only the loop knows how long a jog takes; its snapshot came before its answer.
@@ -350,14 +338,21 @@ impl Requests {
                 Ok(Accepted { motion_id: id, duration_s, epoch })
             }
             Err(denial) => {
-                self.board.lock().motions.withdraw(id);
+                // A loop that is late may have begun it all the same: then it is ended, and its
+                // status stays on record.
+                let late = denial.code == DenialCode::Timeout;
+                if !(late && self.ask(Order::Cancel(id), LOOP_PATIENCE).await.is_ok()) {
+                    self.board.lock().motions.withdraw(id);
+                }
                 Err(denial)
             }
         }
     }
 
-    fn begin(&self, motion: NewMotion) {
+    /// Begins the log of a motion, under one lock with the look whether its id is new.
+    fn begin(&self, motion: NewMotion) -> Result<(), Denial> {
         let mut board = self.board.lock();
+        check_new(&board, motion.id)?;
         let status = MotionStatus {
             id: motion.id,
             robot: board.vocabulary.robot.clone(),
@@ -376,6 +371,7 @@ impl Requests {
             waypoint_count: motion.waypoint_count,
         };
         board.motions.begin(queued(status));
+        Ok(())
     }
 
     /// Hands an order to the loop and waits for its answer.
@@ -409,6 +405,18 @@ impl Requests {
         // Denials may come in floods; those beyond the queue are only counted.
         drop(self.remarks.try_send(remark));
     }
+}
+
+/// Refuses an id that another motion has.
+fn check_new(board: &Board, id: Uuid) -> Result<(), Denial> {
+    if board.motions.find(id).is_none() {
+        return Ok(());
+    }
+    Err(Denial::new(
+        DenialCode::InvalidArgument,
+        format!("motion_id {id} was used for another motion"),
+    )
+    .with("field", "motion_id"))
 }
 
 /// Names of the methods of an agent.
