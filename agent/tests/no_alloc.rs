@@ -72,6 +72,7 @@ fn params() -> Params {
         upper: Some(2.9),
         velocity: 2.0,
         acceleration: Some(5.0),
+        jerk: None,
         effort: None,
     };
     Params {

@@ -28,6 +28,10 @@ pub struct JointOverrides {
     pub acceleration_rad_s2: Option<f64>,
     /// Highest acceleration and deceleration \[m/s²\]; needed unless the description gives it.
     pub acceleration_m_s2: Option<f64>,
+    /// Highest jerk \[rad/s³\]; by default the acceleration is reached in 50 ms.
+    pub jerk_rad_s3: Option<f64>,
+    /// Highest jerk \[m/s³\]; by default the acceleration is reached in 50 ms.
+    pub jerk_m_s3: Option<f64>,
     /// Highest speed \[rad/s\]; needed if the description gives none.
     pub velocity_rad_s: Option<f64>,
     /// Highest speed \[m/s\]; needed if the description gives none.
@@ -45,6 +49,7 @@ pub struct JointOverrides {
 /// Names of the fields in one unit, and their values.
 struct InUnit {
     acceleration: (&'static str, Option<f64>),
+    jerk: (&'static str, Option<f64>),
     velocity: (&'static str, Option<f64>),
     lower: (&'static str, Option<f64>),
     upper: (&'static str, Option<f64>),
@@ -59,12 +64,13 @@ impl JointConfig {
     /// Finds values that no joint may have.
     pub(super) fn check(&self) -> Result<(), Problem> {
         for fields in [self.limits.turning(), self.limits.sliding()] {
-            for (field, value) in [fields.acceleration, fields.velocity] {
+            let rates = [(fields.acceleration, MAX_RATE), (fields.velocity, MAX_RATE)];
+            for ((field, value), most) in rates.into_iter().chain([(fields.jerk, MAX_JERK)]) {
                 // Written so that not a number is refused as well.
                 if let Some(value) = value
-                    && !(value > 0.0 && value <= MAX_RATE)
+                    && !(value > 0.0 && value <= most)
                 {
-                    let text = format!("{value} is outside 0 (exclusive) to {MAX_RATE}");
+                    let text = format!("{value} is outside 0 (exclusive) to {most}");
                     return Err(self.at(Problem::new(field, text)));
                 }
             }
@@ -93,6 +99,7 @@ impl JointConfig {
             upper,
             velocity: required(fields.velocity, Some(described.velocity).filter(|v| *v > 0.0))?,
             acceleration: Some(required(fields.acceleration, described.acceleration)?),
+            jerk: narrowed(fields.jerk, described.jerk)?,
             effort: described.effort,
         };
         let bounded = limits.lower.is_some() && limits.upper.is_some();
@@ -110,6 +117,8 @@ impl JointConfig {
 
 /// Highest speed and acceleration that can be given \[SI\].
 const MAX_RATE: f64 = 10_000.0;
+/// Highest jerk that can be given \[SI\].
+const MAX_JERK: f64 = 1_000_000.0;
 /// Highest position that can be given \[rad or m\].
 const MAX_POSITION: f64 = 10_000.0;
 
@@ -117,6 +126,7 @@ impl JointOverrides {
     const fn turning(&self) -> InUnit {
         InUnit {
             acceleration: ("acceleration_rad_s2", self.acceleration_rad_s2),
+            jerk: ("jerk_rad_s3", self.jerk_rad_s3),
             velocity: ("velocity_rad_s", self.velocity_rad_s),
             lower: ("lower_rad", self.lower_rad),
             upper: ("upper_rad", self.upper_rad),
@@ -126,6 +136,7 @@ impl JointOverrides {
     const fn sliding(&self) -> InUnit {
         InUnit {
             acceleration: ("acceleration_m_s2", self.acceleration_m_s2),
+            jerk: ("jerk_m_s3", self.jerk_m_s3),
             velocity: ("velocity_m_s", self.velocity_m_s),
             lower: ("lower_m", self.lower_m),
             upper: ("upper_m", self.upper_m),
@@ -134,8 +145,8 @@ impl JointOverrides {
 }
 
 impl InUnit {
-    const fn all(&self) -> [(&'static str, Option<f64>); 4] {
-        [self.acceleration, self.velocity, self.lower, self.upper]
+    const fn all(&self) -> [(&'static str, Option<f64>); 5] {
+        [self.acceleration, self.jerk, self.velocity, self.lower, self.upper]
     }
 
     /// Refuses fields in the unit of another type of joint, naming the right one.
@@ -188,12 +199,19 @@ fn required(
     (field, given): (&'static str, Option<f64>),
     described: Option<f64>,
 ) -> Result<f64, Problem> {
+    narrowed((field, given), described)?.ok_or_else(|| {
+        Problem::new(field, "is missing, and the robot description does not give it")
+    })
+}
+
+/// The file's value, at most the description's, if there is any.
+fn narrowed(
+    (field, given): (&'static str, Option<f64>),
+    described: Option<f64>,
+) -> Result<Option<f64>, Problem> {
     match (given, described) {
         (Some(given), Some(limit)) if given > limit => Err(widened(field, given, "above", limit)),
-        (Some(value), _) | (None, Some(value)) => Ok(value),
-        (None, None) => {
-            Err(Problem::new(field, "is missing, and the robot description does not give it"))
-        }
+        (given, described) => Ok(given.or(described)),
     }
 }
 

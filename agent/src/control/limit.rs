@@ -51,6 +51,8 @@ impl Limiter {
             upper: axis.upper + LIMIT_TOLERANCE,
             velocity: axis.velocity * (1.0 + LIMIT_TOLERANCE),
             acceleration: axis.acceleration * (1.0 + LIMIT_TOLERANCE),
+            // Not what this limiter holds: streams from elsewhere promise no jerk.
+            jerk: axis.jerk,
         };
         let axes = limits.iter().map(widen).collect();
         Self { axes, period_s: period.as_secs_f64(), last: None, changed: 0 }

@@ -229,6 +229,7 @@ mod tests {
             upper: Some(1.0),
             velocity: 1.0,
             acceleration: Some(1.0),
+            jerk: None,
             effort: None,
         };
         Params {

@@ -25,9 +25,10 @@ pub use robot_model::{
 };
 pub use time::MonoTime;
 pub use trajectory::{
-    AxisLimits, AxisProfile, AxisState, CompiledTrajectory, Interpolation, JointMove,
-    JointMoveError, JointTrajectory, LIMIT_TOLERANCE, LimitedQuantity, MIN_WAYPOINT_SPACING_S,
-    MotionLimits, MotionLimitsError, MotionState, ProfileError, REST_TOLERANCE,
-    START_TIME_TOLERANCE_S, Sample, StopRamp, TrajectoryError, TrajectoryOptions, Waypoint,
+    AxisLimits, AxisProfile, AxisState, CompiledTrajectory, DEFAULT_JERK_TIME_S, Interpolation,
+    JointMove, JointMoveError, JointTrajectory, LIMIT_TOLERANCE, LimitedQuantity,
+    MIN_WAYPOINT_SPACING_S, MotionLimits, MotionLimitsError, MotionState, ProfileError,
+    REST_TOLERANCE, START_TIME_TOLERANCE_S, Sample, StopRamp, TrajectoryError, TrajectoryOptions,
+    Waypoint,
 };
 pub use urdf::{Place, QuaternionFault, UrdfError, UrdfProblem};

@@ -31,6 +31,9 @@ pub struct JointLimits {
     /// Highest acceleration and deceleration \[1/s²\]; URDF rarely gives it, the robot file must.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub acceleration: Option<f64>,
+    /// Highest jerk \[1/s³\], the rate of change of acceleration; URDF before 1.2 cannot give it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jerk: Option<f64>,
     /// Highest torque \[Nm\] or force \[N\].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort: Option<f64>,

@@ -19,6 +19,7 @@ fn limits() -> MotionLimits {
         upper: Some(3.0),
         velocity: 2.0,
         acceleration: Some(10.0),
+        jerk: None,
         effort: None,
     };
     MotionLimits::new(&[joint; MAX_JOINTS]).expect("complete limits")

@@ -123,6 +123,7 @@ fn limits_are_as_the_file_gives_them() {
             upper: Some(2.0),
             velocity: 3.0,
             acceleration: None,
+            jerk: None,
             effort: Some(4.0)
         }
     );

@@ -19,6 +19,7 @@ fn limits() -> MotionLimits {
         upper: Some(UPPER),
         velocity: VELOCITY,
         acceleration: Some(ACCELERATION),
+        jerk: None,
         effort: None,
     };
     MotionLimits::new(&[one]).expect("complete")

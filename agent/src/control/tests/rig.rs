@@ -33,6 +33,7 @@ pub(super) fn params() -> Params {
         upper,
         velocity,
         acceleration: Some(acceleration),
+        jerk: None,
         effort: None,
     };
     Params {

@@ -185,6 +185,7 @@ const LIMITS: JointLimits = JointLimits {
     upper: Some(3.2),
     velocity: 2.0,
     acceleration: Some(10.0),
+    jerk: None,
     effort: None,
 };
 

@@ -71,7 +71,7 @@ fn joint_table(info: &RobotInfo) -> Table {
         ["#", "joint", "type", "lower", "upper", "speed [1/s]", "accel [1/s²]", "effort", "unit"];
     let mut table = Table::new(&titles);
     for (index, joint) in info.joints.iter().enumerate() {
-        let JointLimits { lower, upper, velocity, acceleration, effort } = joint.limits;
+        let JointLimits { lower, upper, velocity, acceleration, effort, .. } = joint.limits;
         table.row(vec![
             index.to_string(),
             joint.name.clone(),

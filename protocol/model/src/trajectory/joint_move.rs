@@ -157,8 +157,13 @@ fn straight_line(
 ) -> Result<AxisProfile, ProfileError> {
     // Finite, so that a line without length has a duration: some 1e-150 s.
     const UNLIMITED: f64 = 1e300;
-    let mut share =
-        AxisLimits { lower: 0.0, upper: 1.0, velocity: UNLIMITED, acceleration: UNLIMITED };
+    let mut share = AxisLimits {
+        lower: 0.0,
+        upper: 1.0,
+        velocity: UNLIMITED,
+        acceleration: UNLIMITED,
+        jerk: UNLIMITED,
+    };
     for ((from, to), axis) in from.iter().zip(to.iter()).zip(limits.iter()) {
         let distance = (to - from).abs();
         share.velocity = share.velocity.min(axis.velocity / distance);

@@ -35,7 +35,7 @@ mod tests;
 pub use compiled::{CompiledTrajectory, Sample};
 pub use error::{LimitedQuantity, TrajectoryError};
 pub use joint_move::{JointMove, JointMoveError, MotionState};
-pub use motion_limits::{AxisLimits, MotionLimits, MotionLimitsError};
+pub use motion_limits::{AxisLimits, DEFAULT_JERK_TIME_S, MotionLimits, MotionLimitsError};
 pub use profile::{AxisProfile, AxisState, ProfileError};
 pub use ramp::StopRamp;
 pub use validate::{

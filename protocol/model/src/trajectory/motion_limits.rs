@@ -15,7 +15,14 @@ pub struct AxisLimits {
     pub velocity: f64,
     /// Highest acceleration and deceleration \[1/s²\], above zero.
     pub acceleration: f64,
+    /// Highest jerk \[1/s³\], above zero, for motions that promise to keep it. Where the robot's
+    /// description gives none it is the acceleration divided by [`DEFAULT_JERK_TIME_S`].
+    pub jerk: f64,
 }
+
+/// How long a joint without a jerk limit takes from rest to its full acceleration \[s\], when its
+/// motion is limited in jerk. Short against a move of an arm, long against a control period.
+pub const DEFAULT_JERK_TIME_S: f64 = 0.05;
 
 /// Limits of all driven joints of a robot, in its joint order; one at least.
 ///
@@ -83,7 +90,8 @@ pub enum MotionLimitsError {
 }
 
 impl AxisLimits {
-    const UNUSED: Self = Self { lower: 0.0, upper: 0.0, velocity: 1.0, acceleration: 1.0 };
+    const UNUSED: Self =
+        Self { lower: 0.0, upper: 0.0, velocity: 1.0, acceleration: 1.0, jerk: 1.0 };
 
     /// Whether `position` lies inside the position limits; not a number never does.
     #[must_use]
@@ -165,11 +173,14 @@ fn complete(joint: usize, limits: &JointLimits) -> Result<AxisLimits, MotionLimi
     }
     let acceleration =
         limits.acceleration.ok_or(MotionLimitsError::AccelerationMissing { joint })?;
+    let acceleration = positive(joint, "acceleration limit", acceleration)?;
+    let jerk = limits.jerk.unwrap_or(acceleration / DEFAULT_JERK_TIME_S);
     Ok(AxisLimits {
         lower,
         upper,
         velocity: positive(joint, "velocity limit", limits.velocity)?,
-        acceleration: positive(joint, "acceleration limit", acceleration)?,
+        acceleration,
+        jerk: positive(joint, "jerk limit", jerk)?,
     })
 }
 
@@ -191,6 +202,7 @@ mod tests {
             upper: Some(1.0),
             velocity: 2.0,
             acceleration: Some(4.0),
+            jerk: None,
             effort: None,
         }
     }
@@ -228,6 +240,17 @@ mod tests {
         assert_eq!(
             refusal(JointLimits { upper: Some(f64::NAN), ..joint() }),
             "joint 1: lower limit -1 is not below upper limit NaN"
+        );
+    }
+
+    #[test]
+    fn a_jerk_limit_is_taken_and_otherwise_follows_from_the_acceleration() {
+        let given = JointLimits { jerk: Some(100.0), ..joint() };
+        let limits = MotionLimits::new(&[joint(), given]).expect("complete");
+        assert_eq!([limits[0].jerk, limits[1].jerk], [4.0 / 0.05, 100.0]);
+        assert_eq!(
+            refusal(JointLimits { jerk: Some(0.0), ..joint() }),
+            "joint 1: jerk limit is 0, expected a finite number above 0"
         );
     }
 

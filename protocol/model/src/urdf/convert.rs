@@ -135,7 +135,8 @@ fn convert_limits(joint_type: JointType, limit: &urdf_rs::JointLimit) -> JointLi
         lower: finite(limit.lower).filter(|_| !turns_freely),
         upper: finite(limit.upper).filter(|_| !turns_freely),
         velocity: limit.velocity,
-        acceleration: finite(limit.acceleration.min(limit.deceleration)),
+        acceleration: finite(limit.acceleration.min(limit.deceleration)).filter(|_| !missing),
+        jerk: finite(limit.jerk).filter(|_| !missing),
         effort: finite(limit.effort).filter(|_| !missing),
     }
 }

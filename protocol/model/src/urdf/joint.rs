@@ -111,11 +111,12 @@ fn scan_limit(
         Some(velocity) => velocity,
     };
     let effort = limit.non_negative("effort")?.unwrap_or(f64::INFINITY);
-    let (acceleration, deceleration) = if version >= Version::WITH_OPEN_LIMITS {
+    let (acceleration, deceleration, jerk) = if version >= Version::WITH_OPEN_LIMITS {
         let acceleration = limit.non_negative("acceleration")?.unwrap_or(f64::INFINITY);
-        (acceleration, limit.non_negative("deceleration")?.unwrap_or(acceleration))
+        let deceleration = limit.non_negative("deceleration")?.unwrap_or(acceleration);
+        (acceleration, deceleration, limit.non_negative("jerk")?.unwrap_or(f64::INFINITY))
     } else {
-        (f64::INFINITY, f64::INFINITY)
+        (f64::INFINITY, f64::INFINITY, f64::INFINITY)
     };
     writer.empty(
         "limit",
@@ -126,6 +127,7 @@ fn scan_limit(
             ("effort", Value::Numbers(&[effort])),
             ("acceleration", Value::Numbers(&[acceleration])),
             ("deceleration", Value::Numbers(&[deceleration])),
+            ("jerk", Value::Numbers(&[jerk])),
         ],
     );
     Ok(())

@@ -32,6 +32,8 @@ class JointLimits(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Highest speed [1/s]."""
     acceleration: float | None = None
     """Highest acceleration and deceleration [1/s^2]; None if there is none."""
+    jerk: float | None = None
+    """Highest jerk [1/s^3]; None if there is none."""
     effort: float | None = None
     """Highest torque [Nm] or force [N]; None if there is none."""
 

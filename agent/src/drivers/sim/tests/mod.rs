@@ -30,6 +30,7 @@ fn setup(nonce: u64) -> DriverSetup {
         upper: Some(upper),
         velocity: SPEED_LIMIT * scale,
         acceleration: Some(ACCELERATION_LIMIT * scale),
+        jerk: None,
         effort: Some(100.0),
     };
     let joint =

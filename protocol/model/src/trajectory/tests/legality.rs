@@ -52,6 +52,7 @@ fn brute_force(asked: &JointTrajectory) -> [AxisLimits; JOINTS] {
         upper: f64::NEG_INFINITY,
         velocity: 0.0,
         acceleration: 0.0,
+        jerk: 0.0,
     }; JOINTS];
     for ends in asked.waypoints.windows(2) {
         let from = ends[0].time_from_start_s;
@@ -81,6 +82,7 @@ fn scaled(limits: &[AxisLimits], factor: f64) -> Vec<AxisLimits> {
             upper: middle + factor * (axis.upper - middle),
             velocity: factor * axis.velocity,
             acceleration: factor * axis.acceleration,
+            jerk: axis.jerk,
         }
     };
     limits.iter().map(scale).collect()

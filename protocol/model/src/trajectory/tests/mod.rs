@@ -31,6 +31,7 @@ fn joint_limits(position: f64, velocity: f64, acceleration: f64) -> JointLimits 
         upper: Some(position),
         velocity,
         acceleration: Some(acceleration),
+        jerk: None,
         effort: None,
     }
 }
@@ -43,6 +44,7 @@ fn limits_of(axes: &[AxisLimits]) -> MotionLimits {
             upper: Some(axis.upper),
             velocity: axis.velocity,
             acceleration: Some(axis.acceleration),
+            jerk: None,
             effort: None,
         })
         .collect();

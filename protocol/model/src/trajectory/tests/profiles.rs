@@ -6,7 +6,7 @@ use super::*;
 use crate::trajectory::{AxisProfile, AxisState, ProfileError};
 
 const LIMITS: AxisLimits =
-    AxisLimits { lower: -100.0, upper: 100.0, velocity: 2.0, acceleration: 4.0 };
+    AxisLimits { lower: -100.0, upper: 100.0, velocity: 2.0, acceleration: 4.0, jerk: 80.0 };
 
 fn plan(position: f64, velocity: f64, target: f64) -> AxisProfile {
     AxisProfile::plan(AxisState { position, velocity }, target, &LIMITS).expect("finite")
