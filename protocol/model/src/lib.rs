@@ -31,4 +31,6 @@ pub use trajectory::{
     REST_TOLERANCE, START_TIME_TOLERANCE_S, Sample, StopRamp, TrajectoryError, TrajectoryOptions,
     Waypoint,
 };
-pub use urdf::{Place, QuaternionFault, UrdfError, UrdfProblem};
+pub use urdf::{
+    Place, QuaternionFault, UrdfDoubt, UrdfError, UrdfProblem, UrdfReport, UrdfWarning,
+};

@@ -374,7 +374,10 @@ fn shapes_and_masses_are_checked() {
     );
     check(&geometry("<mesh/>"), r#"arm.urdf:2: link "base": <mesh> has no attribute "filename""#);
     check(
-        &arm_with_link("<inertial><mass value='-1'/></inertial>"),
+        &arm_with_link(
+            "<inertial><mass value='-1'/>\
+             <inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>",
+        ),
         r#"arm.urdf:2: link "base": mass value -1 is below zero"#,
     );
     check(

@@ -2,70 +2,66 @@
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use super::error::{UrdfError, UrdfProblem};
-use super::scan::Scan;
-use super::tree::{self, Follow};
+use super::error::UrdfProblem;
+use super::scan::{JointSite, Scan};
+use super::tree::Follow;
 use crate::robot_model::{
     Collision, Inertial, Joint, Link, Motion, PositionSource, RobotModel, Shape, SoftLimits, Visual,
 };
 use crate::{JointLimits, JointType, Pose};
 
-/// The model with its links in the given `order`.
+/// What the second pass found out.
+pub(super) struct Structure {
+    /// Joint that leads to each link, `None` for the root.
+    pub(super) parents: Vec<Option<usize>>,
+    /// Links from the root outwards.
+    pub(super) order: Vec<usize>,
+    /// What each mimic joint follows.
+    pub(super) follows: Vec<Option<Follow>>,
+}
+
+/// The model of a document in which no problem was found.
 pub(super) fn convert(
     scan: &Scan<'_>,
-    parents: &[Option<usize>],
-    order: &[usize],
+    structure: &Structure,
     robot: urdf_rs::Robot,
-) -> Result<RobotModel, UrdfError> {
+) -> Result<RobotModel, UrdfProblem> {
     let (links, joints) = (robot.links.len(), robot.joints.len());
     if (links, joints) != (scan.links.len(), scan.joints.len()) {
         let reason = format!("the URDF reader found {links} links and {joints} joints");
-        return Err(scan.root.error(UrdfProblem::Reader { reason }));
+        return Err(UrdfProblem::Reader { reason });
     }
-    let joints = convert_joints(scan, &positions_in(order), &robot.joints)?;
+    let joints = convert_joints(scan, structure, &robot.joints);
     let mut links: Vec<Option<urdf_rs::Link>> = robot.links.into_iter().map(Some).collect();
-    let links = order
+    let links = structure
+        .order
         .iter()
         .filter_map(|&index| {
             let (link, found) = (links.get_mut(index)?.take()?, scan.links.get(index)?);
             let has_mass = found.element.children_named("inertial").next().is_some();
-            Some(convert_link(found.name, *parents.get(index)?, has_mass, link))
+            Some(convert_link(found.name, *structure.parents.get(index)?, has_mass, link))
         })
         .collect();
     Ok(RobotModel::new(scan.name.to_owned(), links, joints))
 }
 
-fn convert_joints(
-    scan: &Scan<'_>,
-    link_positions: &[usize],
-    joints: &[urdf_rs::Joint],
-) -> Result<Vec<Joint>, UrdfError> {
-    let rules: Vec<_> = joints
-        .iter()
-        .map(|joint| {
-            let mimic = joint.mimic.as_ref()?;
-            Some((mimic.multiplier.unwrap_or(1.0), mimic.offset.unwrap_or(0.0)))
-        })
-        .collect();
-    let follows = tree::resolve_mimics(scan, &rules)?;
+fn convert_joints(scan: &Scan<'_>, structure: &Structure, joints: &[urdf_rs::Joint]) -> Vec<Joint> {
+    let link_positions = positions_in(&structure.order);
     let variables = variables(scan);
-    let link = |index: usize| link_positions.get(index).copied().unwrap_or_default();
-    Ok(scan
-        .joints
-        .iter()
-        .zip(joints)
-        .enumerate()
-        .map(|(index, (site, joint))| {
-            let source = position_source(index, follows.get(index).copied().flatten(), &variables);
-            Joint {
-                name: site.name.to_owned(),
-                parent: link(site.parent),
-                child: link(site.child),
-                origin: convert_pose(&joint.origin),
-                motion: convert_motion(joint, source),
-            }
-        })
-        .collect())
+    let link = |index: Option<usize>| {
+        index.and_then(|index| link_positions.get(index)).copied().unwrap_or_default()
+    };
+    let convert = |(index, (site, joint)): (usize, (&JointSite<'_>, &urdf_rs::Joint))| {
+        let follow = structure.follows.get(index).copied().flatten();
+        Joint {
+            name: site.name.to_owned(),
+            parent: link(site.parent),
+            child: link(site.child),
+            origin: convert_pose(&joint.origin),
+            motion: convert_motion(joint, position_source(index, follow, &variables)),
+        }
+    };
+    scan.joints.iter().zip(joints).enumerate().map(convert).collect()
 }
 
 /// For each element of `order`'s range, where it stands in `order`.
@@ -86,7 +82,7 @@ fn variables(scan: &Scan<'_>) -> Vec<usize> {
         .iter()
         .map(|joint| {
             let variable = next;
-            next += usize::from(joint.moves && joint.master.is_none());
+            next += usize::from(joint.is_driven());
             variable
         })
         .collect()

@@ -2,54 +2,50 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::error::{QuaternionFault, UrdfError, UrdfProblem};
-use super::scan::{Named, Names, Version};
+use super::error::{QuaternionFault, UrdfProblem};
+use super::findings::Fault;
+use super::scan::{Named, Names, Out, Version};
 use super::source::Element;
-use super::writer::{Value, Writer};
+use super::writer::Value;
 
 /// Quaternions shorter than this hold no direction.
 const MIN_QUATERNION_NORM: f64 = 1e-6;
+/// Attributes of `<inertia>`.
+pub(super) const MOMENTS: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
-pub(super) fn scan_link(
-    link: &Named<'_>,
-    names: &Names<'_>,
-    writer: &mut Writer,
-) -> Result<(), UrdfError> {
-    writer.open("link", &[("name", Value::Text(link.name))]);
-    if let Some(inertial) = link.element.child("inertial")? {
-        scan_inertial(&inertial, names.version, writer)?;
+pub(super) fn scan_link(link: &Named<'_>, names: &Names<'_>, out: &mut Out) {
+    out.copy.open("link", &[("name", Value::Text(link.name))]);
+    if let Some(inertial) = link.element.child("inertial", &mut out.problems) {
+        scan_inertial(&inertial, names.version, out);
     }
     for visual in link.element.children_named("visual") {
-        writer.open("visual", &[]);
-        scan_shape(&visual, names.version, writer)?;
-        scan_material(&visual, names, writer)?;
-        writer.close("visual");
+        out.copy.open("visual", &[]);
+        scan_shape(&visual, names.version, out);
+        scan_material(&visual, names, out);
+        out.copy.close("visual");
     }
     for collision in link.element.children_named("collision") {
-        writer.open("collision", &[]);
-        scan_shape(&collision, names.version, writer)?;
-        writer.close("collision");
+        out.copy.open("collision", &[]);
+        scan_shape(&collision, names.version, out);
+        out.copy.close("collision");
     }
-    writer.close("link");
-    Ok(())
+    out.copy.close("link");
 }
 
 /// Writes the element's `<origin>`, if it has one, with the orientation as roll, pitch, yaw.
-pub(super) fn scan_origin(
-    element: &Element<'_>,
-    version: Version,
-    writer: &mut Writer,
-) -> Result<(), UrdfError> {
-    let Some(origin) = element.child("origin")? else {
-        return Ok(());
-    };
-    let xyz = origin.numbers::<3>("xyz")?.unwrap_or_default();
-    let rpy = match origin.numbers::<4>("quat_xyzw")? {
-        Some(quaternion) => rpy_of(&origin, quaternion, version)?,
-        None => origin.numbers::<3>("rpy")?.unwrap_or_default(),
-    };
-    writer.empty("origin", &[("xyz", Value::Numbers(&xyz)), ("rpy", Value::Numbers(&rpy))]);
-    Ok(())
+pub(super) fn scan_origin(element: &Element<'_>, version: Version, out: &mut Out) {
+    let Some(origin) = element.child("origin", &mut out.problems) else { return };
+    let xyz = out.problems.keep(origin.numbers::<3>("xyz")).flatten().unwrap_or_default();
+    let rpy = out.problems.keep(orientation(&origin, version)).unwrap_or_default();
+    out.copy.empty("origin", &[("xyz", Value::Numbers(&xyz)), ("rpy", Value::Numbers(&rpy))]);
+}
+
+/// Roll, pitch and yaw of an `<origin>`.
+fn orientation(origin: &Element<'_>, version: Version) -> Result<[f64; 3], Fault> {
+    match origin.numbers::<4>("quat_xyzw")? {
+        Some(quaternion) => rpy_of(origin, quaternion, version),
+        None => Ok(origin.numbers::<3>("rpy")?.unwrap_or_default()),
+    }
 }
 
 /// Roll, pitch and yaw of the quaternion.
@@ -59,9 +55,9 @@ fn rpy_of(
     origin: &Element<'_>,
     [x, y, z, w]: [f64; 4],
     version: Version,
-) -> Result<[f64; 3], UrdfError> {
+) -> Result<[f64; 3], Fault> {
     let fail =
-        |fault| Err(origin.error(UrdfProblem::Quaternion { subject: origin.subject(), fault }));
+        |fault| Err(origin.fault(UrdfProblem::Quaternion { subject: origin.subject(), fault }));
     if version < Version::WITH_QUATERNIONS {
         return fail(QuaternionFault::Version);
     }
@@ -82,100 +78,87 @@ fn rpy_of(
     Ok([roll, pitch, yaw])
 }
 
-fn scan_inertial(
-    inertial: &Element<'_>,
-    version: Version,
-    writer: &mut Writer,
-) -> Result<(), UrdfError> {
-    const MOMENTS: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
-    let mass = inertial.required_child("mass")?.required_non_negative("value")?;
-    let inertia = inertial.required_child("inertia")?;
-    writer.open("inertial", &[]);
-    scan_origin(inertial, version, writer)?;
-    writer.empty("mass", &[("value", Value::Numbers(&[mass]))]);
-    let mut values = [[0.0]; 6];
-    for (name, value) in MOMENTS.into_iter().zip(&mut values) {
-        *value = inertia.required_numbers::<1>(name)?;
+fn scan_inertial(inertial: &Element<'_>, version: Version, out: &mut Out) {
+    out.copy.open("inertial", &[]);
+    scan_origin(inertial, version, out);
+    if let Some(mass) = inertial.required_child("mass", &mut out.problems) {
+        let value = out.problems.keep(mass.required_non_negative("value")).unwrap_or_default();
+        out.copy.empty("mass", &[("value", Value::Numbers(&[value]))]);
     }
-    let attributes: Vec<_> = MOMENTS
-        .into_iter()
-        .zip(&values)
-        .map(|(name, value)| (name, Value::Numbers(value)))
-        .collect();
-    writer.empty("inertia", &attributes);
-    writer.close("inertial");
-    Ok(())
+    if let Some(inertia) = inertial.required_child("inertia", &mut out.problems) {
+        let values = MOMENTS
+            .map(|name| out.problems.keep(inertia.required_numbers::<1>(name)).unwrap_or_default());
+        let attributes: Vec<_> = MOMENTS
+            .into_iter()
+            .zip(&values)
+            .map(|(name, value)| (name, Value::Numbers(value)))
+            .collect();
+        out.copy.empty("inertia", &attributes);
+    }
+    out.copy.close("inertial");
 }
 
-fn scan_shape(
-    element: &Element<'_>,
-    version: Version,
-    writer: &mut Writer,
-) -> Result<(), UrdfError> {
-    scan_origin(element, version, writer)?;
-    let geometry = element.required_child("geometry")?;
+fn scan_shape(element: &Element<'_>, version: Version, out: &mut Out) {
+    scan_origin(element, version, out);
+    let Some(geometry) = element.required_child("geometry", &mut out.problems) else { return };
     let shapes: Vec<_> = geometry.children().collect();
     let [shape] = shapes.as_slice() else {
         let (subject, count) = (geometry.subject(), shapes.len());
-        return Err(geometry.error(UrdfProblem::ShapeCount { subject, count }));
+        out.problems.report(geometry.fault(UrdfProblem::ShapeCount { subject, count }));
+        return;
     };
-    writer.open("geometry", &[]);
-    scan_geometry(shape, writer)?;
-    writer.close("geometry");
-    Ok(())
+    out.copy.open("geometry", &[]);
+    scan_geometry(shape, out);
+    out.copy.close("geometry");
 }
 
-fn scan_geometry(shape: &Element<'_>, writer: &mut Writer) -> Result<(), UrdfError> {
+fn scan_geometry(shape: &Element<'_>, out: &mut Out) {
+    let Out { copy, problems } = out;
+    let mut length = |name| [problems.keep(shape.required_non_negative(name)).unwrap_or_default()];
     match shape.name() {
         "box" => {
-            let size = shape.required_numbers::<3>("size")?;
-            if let Some(&value) = size.iter().find(|&&value| value < 0.0) {
-                return Err(shape.negative("size", value));
-            }
-            writer.empty("box", &[("size", Value::Numbers(&size))]);
+            let size = problems.keep(box_size(shape)).unwrap_or_default();
+            copy.empty("box", &[("size", Value::Numbers(&size))]);
         }
         name @ ("cylinder" | "capsule") => {
-            let radius = [shape.required_non_negative("radius")?];
-            let length = [shape.required_non_negative("length")?];
+            let (radius, length) = (length("radius"), length("length"));
             let attributes =
                 [("radius", Value::Numbers(&radius)), ("length", Value::Numbers(&length))];
-            writer.empty(name, &attributes);
+            copy.empty(name, &attributes);
         }
-        "sphere" => {
-            let radius = [shape.required_non_negative("radius")?];
-            writer.empty("sphere", &[("radius", Value::Numbers(&radius))]);
-        }
+        "sphere" => copy.empty("sphere", &[("radius", Value::Numbers(&length("radius")))]),
         "mesh" => {
-            let filename = shape.required_attribute("filename")?;
-            let scale = shape.numbers::<3>("scale")?.unwrap_or([1.0; 3]);
+            let filename = problems.keep(shape.required_attribute("filename")).unwrap_or_default();
+            let scale = problems.keep(shape.numbers::<3>("scale")).flatten().unwrap_or([1.0; 3]);
             let attributes =
                 [("filename", Value::Text(filename)), ("scale", Value::Numbers(&scale))];
-            writer.empty("mesh", &attributes);
+            copy.empty("mesh", &attributes);
         }
         other => {
             let (subject, shape_name) = (shape.subject(), other.to_owned());
-            return Err(shape.error(UrdfProblem::UnknownShape { subject, shape: shape_name }));
+            problems.report(shape.fault(UrdfProblem::UnknownShape { subject, shape: shape_name }));
         }
     }
-    Ok(())
+}
+
+fn box_size(shape: &Element<'_>) -> Result<[f64; 3], Fault> {
+    let size = shape.required_numbers::<3>("size")?;
+    match size.iter().find(|&&value| value < 0.0) {
+        Some(&value) => Err(shape.negative("size", value)),
+        None => Ok(size),
+    }
 }
 
 /// Writes the colour that the visual's material has, here or where it is defined.
-fn scan_material(
-    visual: &Element<'_>,
-    names: &Names<'_>,
-    writer: &mut Writer,
-) -> Result<(), UrdfError> {
-    let Some(material) = visual.child("material")? else {
-        return Ok(());
-    };
+fn scan_material(visual: &Element<'_>, names: &Names<'_>, out: &mut Out) {
+    let Some(material) = visual.child("material", &mut out.problems) else { return };
     let name = material.attribute("name").unwrap_or_default();
-    let own = material.child("color")?.map(|colour| colour.required_numbers::<4>("rgba"));
-    let Some(rgba) = own.transpose()?.or_else(|| names.colours.get(name).copied()) else {
-        return Ok(());
+    let rgba = match material.child("color", &mut out.problems) {
+        Some(colour) => out.problems.keep(colour.required_numbers::<4>("rgba")),
+        None => names.colours.get(name).copied(),
     };
-    writer.open("material", &[("name", Value::Text(name))]);
-    writer.empty("color", &[("rgba", Value::Numbers(&rgba))]);
-    writer.close("material");
-    Ok(())
+    let Some(rgba) = rgba else { return };
+    out.copy.open("material", &[("name", Value::Text(name))]);
+    out.copy.empty("color", &[("rgba", Value::Numbers(&rgba))]);
+    out.copy.close("material");
 }

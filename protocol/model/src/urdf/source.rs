@@ -5,6 +5,7 @@ use std::sync::Arc;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::error::{Place, UrdfError, UrdfProblem};
+use super::findings::{Fault, Problems};
 use super::guard::{self, MAX_ATTRIBUTES};
 
 /// Largest robot description \[bytes\]; the largest known one has 0.2 MiB.
@@ -12,60 +13,73 @@ const MAX_BYTES: usize = 16 * 1024 * 1024;
 /// Most XML nodes, so that memory stays bounded by the size of the text.
 const MAX_NODES: u32 = 1_000_000;
 
-/// Label of the text, for places.
-#[derive(Clone)]
-pub(super) struct Label(Arc<str>);
+/// A text with its label: where its bytes stand.
+pub(super) struct Source<'t> {
+    file: Arc<str>,
+    text: &'t str,
+    /// Byte at which each line starts.
+    line_starts: Vec<usize>,
+}
 
-impl Label {
-    pub(super) fn new(file: &str) -> Self {
-        Self(file.into())
-    }
-
-    fn at(&self, position: roxmltree::TextPos) -> Place {
-        Place { file: Arc::clone(&self.0), line: position.row, column: position.col }
+impl<'t> Source<'t> {
+    pub(super) fn new(text: &'t str, file: &str) -> Self {
+        let after = text.match_indices('\n').map(|(at, _)| at + 1);
+        Self { file: file.into(), text, line_starts: std::iter::once(0).chain(after).collect() }
     }
 
     /// The text as a tree.
     ///
     /// Entities cannot expand: document type declarations are refused. The parser keeps its stack
     /// on the heap, so nesting cannot overflow ours.
-    pub(super) fn parse<'t>(&self, text: &'t str) -> Result<Document<'t>, UrdfError> {
-        let fail = |position, problem| UrdfError { place: self.at(position), problem };
+    pub(super) fn parse(&self) -> Result<Document<'t>, UrdfError> {
+        let text = self.text;
+        let fail = |place, problem| UrdfError { place, problem: Box::new(problem) };
         if text.len() > MAX_BYTES {
             let problem = UrdfProblem::TooLarge { bytes: text.len(), limit: MAX_BYTES };
-            return Err(fail(roxmltree::TextPos::new(1, 1), Box::new(problem)));
+            return Err(fail(self.place(0), problem));
         }
         if let Some(start) = guard::overfull_element(text) {
             let problem = UrdfProblem::TooManyAttributes { limit: MAX_ATTRIBUTES };
-            return Err(fail(position_of(text, start), Box::new(problem)));
+            return Err(fail(self.place(start), problem));
         }
         let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-        Document::parse_with_options(text, options)
-            .map_err(|error| fail(error.pos(), Box::new(UrdfProblem::Xml(error))))
+        Document::parse_with_options(text, options).map_err(|error| {
+            let roxmltree::TextPos { row: line, col: column } = error.pos();
+            fail(Place { file: Arc::clone(&self.file), line, column }, UrdfProblem::Xml(error))
+        })
+    }
+
+    /// Line and column of a byte; takes time with the length of its line.
+    pub(super) fn place(&self, offset: usize) -> Place {
+        let line = self.line(offset);
+        let start = usize::try_from(line).ok().and_then(|line| self.line_starts.get(line - 1));
+        let before = self.text.get(start.copied().unwrap_or_default()..offset).unwrap_or_default();
+        Place { file: Arc::clone(&self.file), line, column: count(before.chars().count() + 1) }
+    }
+
+    /// Line of a byte, counted from one.
+    fn line(&self, offset: usize) -> u32 {
+        count(self.line_starts.partition_point(|&start| start <= offset).max(1))
     }
 }
 
-fn position_of(text: &str, byte: usize) -> roxmltree::TextPos {
-    let before = text.get(..byte).unwrap_or(text);
-    let count = |counted: usize| u32::try_from(counted).unwrap_or(u32::MAX);
-    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-    let column = before.get(line_start..).unwrap_or_default().chars().count() + 1;
-    roxmltree::TextPos::new(count(before.matches('\n').count() + 1), count(column))
+fn count(counted: usize) -> u32 {
+    u32::try_from(counted).unwrap_or(u32::MAX)
 }
 
 /// An element of the document, and the link or joint it belongs to.
 #[derive(Clone)]
 pub(super) struct Element<'d> {
     node: Node<'d, 'd>,
-    label: &'d Label,
+    source: &'d Source<'d>,
     subject: Arc<str>,
 }
 
 impl<'d> Element<'d> {
     /// The document's root element.
-    pub(super) fn root(document: &'d Document<'d>, label: &'d Label) -> Self {
+    pub(super) fn root(document: &'d Document<'d>, source: &'d Source<'d>) -> Self {
         let node = document.root_element();
-        Self { node, label, subject: node.tag_name().name().into() }
+        Self { node, source, subject: node.tag_name().name().into() }
     }
 
     /// The same element as `subject`, the name by which its problems are reported.
@@ -82,12 +96,18 @@ impl<'d> Element<'d> {
         self.subject.as_ref().to_owned()
     }
 
-    pub(super) fn place(&self) -> Place {
-        self.label.at(self.node.document().text_pos_at(self.node.range().start))
+    /// Byte of the text at which the element starts.
+    pub(super) fn offset(&self) -> usize {
+        self.node.range().start
     }
 
-    pub(super) fn error(&self, problem: UrdfProblem) -> UrdfError {
-        UrdfError { place: self.place(), problem: Box::new(problem) }
+    /// Line on which the element starts.
+    pub(super) fn line(&self) -> u32 {
+        self.source.line(self.offset())
+    }
+
+    pub(super) fn fault(&self, problem: UrdfProblem) -> Fault {
+        Fault { offset: self.offset(), problem: Box::new(problem) }
     }
 
     /// First element of a xacro namespace, here or below.
@@ -116,36 +136,48 @@ impl<'d> Element<'d> {
         self.children().filter(move |child| child.name() == name)
     }
 
-    /// The child element of that name, which may stand once.
-    pub(super) fn child(&self, name: &'static str) -> Result<Option<Self>, UrdfError> {
+    /// The first child element of that name; a second one is a problem.
+    pub(super) fn child(&self, name: &'static str, problems: &mut Problems) -> Option<Self> {
         let mut children = self.children_named(name);
         let first = children.next();
-        match children.next() {
-            Some(second) => Err(second.error(UrdfProblem::RepeatedElement {
+        if let Some(second) = children.next() {
+            problems.report(second.fault(UrdfProblem::RepeatedElement {
                 subject: self.subject(),
                 parent: self.name().to_owned(),
                 element: name,
-            })),
-            None => Ok(first),
+            }));
         }
+        first
     }
 
-    /// The child element of that name, which must stand once.
-    pub(super) fn required_child(&self, name: &'static str) -> Result<Self, UrdfError> {
-        self.child(name)?.ok_or_else(|| {
-            self.error(UrdfProblem::MissingElement {
+    /// The first child element of that name; none and a second one are problems.
+    pub(super) fn required_child(
+        &self,
+        name: &'static str,
+        problems: &mut Problems,
+    ) -> Option<Self> {
+        let child = self.child(name, problems);
+        if child.is_none() {
+            problems.report(self.fault(UrdfProblem::MissingElement {
                 subject: self.subject(),
                 parent: self.name().to_owned(),
                 element: name,
-            })
-        })
+            }));
+        }
+        child
+    }
+
+    /// Names of attributes that are of no other namespace.
+    pub(super) fn attribute_names(&self) -> impl Iterator<Item = &'d str> + use<'d> {
+        let ours = |attribute: &roxmltree::Attribute<'_, '_>| attribute.namespace().is_none();
+        self.node.attributes().filter(ours).map(|attribute| attribute.name())
     }
 
     pub(super) fn attribute(&self, name: &'static str) -> Option<&'d str> {
         self.node.attribute(name)
     }
 
-    pub(super) fn required_attribute(&self, name: &'static str) -> Result<&'d str, UrdfError> {
+    pub(super) fn required_attribute(&self, name: &'static str) -> Result<&'d str, Fault> {
         self.attribute(name).ok_or_else(|| self.missing(name))
     }
 
@@ -153,17 +185,17 @@ impl<'d> Element<'d> {
     pub(super) fn numbers<const N: usize>(
         &self,
         name: &'static str,
-    ) -> Result<Option<[f64; N]>, UrdfError> {
+    ) -> Result<Option<[f64; N]>, Fault> {
         self.attribute(name).map(|text| self.parse_numbers(name, text)).transpose()
     }
 
     /// One finite number, if the attribute is there.
-    pub(super) fn number(&self, name: &'static str) -> Result<Option<f64>, UrdfError> {
+    pub(super) fn number(&self, name: &'static str) -> Result<Option<f64>, Fault> {
         Ok(self.numbers::<1>(name)?.map(|[number]| number))
     }
 
     /// One finite number not below zero, if the attribute is there.
-    pub(super) fn non_negative(&self, name: &'static str) -> Result<Option<f64>, UrdfError> {
+    pub(super) fn non_negative(&self, name: &'static str) -> Result<Option<f64>, Fault> {
         let number = self.number(name)?;
         match number {
             Some(value) if value < 0.0 => Err(self.negative(name, value)),
@@ -174,16 +206,16 @@ impl<'d> Element<'d> {
     pub(super) fn required_numbers<const N: usize>(
         &self,
         name: &'static str,
-    ) -> Result<[f64; N], UrdfError> {
+    ) -> Result<[f64; N], Fault> {
         self.numbers(name)?.ok_or_else(|| self.missing(name))
     }
 
-    pub(super) fn required_non_negative(&self, name: &'static str) -> Result<f64, UrdfError> {
+    pub(super) fn required_non_negative(&self, name: &'static str) -> Result<f64, Fault> {
         self.non_negative(name)?.ok_or_else(|| self.missing(name))
     }
 
-    pub(super) fn negative(&self, attribute: &'static str, value: f64) -> UrdfError {
-        self.error(UrdfProblem::Negative {
+    pub(super) fn negative(&self, attribute: &'static str, value: f64) -> Fault {
+        self.fault(UrdfProblem::Negative {
             subject: self.subject(),
             element: self.name().to_owned(),
             attribute,
@@ -191,8 +223,8 @@ impl<'d> Element<'d> {
         })
     }
 
-    fn missing(&self, attribute: &'static str) -> UrdfError {
-        self.error(UrdfProblem::MissingAttribute {
+    fn missing(&self, attribute: &'static str) -> Fault {
+        self.fault(UrdfProblem::MissingAttribute {
             subject: self.subject(),
             element: self.name().to_owned(),
             attribute,
@@ -203,7 +235,7 @@ impl<'d> Element<'d> {
         &self,
         attribute: &'static str,
         text: &str,
-    ) -> Result<[f64; N], UrdfError> {
+    ) -> Result<[f64; N], Fault> {
         let (subject, element) = (self.subject(), self.name().to_owned());
         let value = text.to_owned();
         let mut numbers = [0.0_f64; N];
@@ -213,7 +245,7 @@ impl<'d> Element<'d> {
             .try_for_each(|number| words.next()?.parse().ok().map(|parsed| *number = parsed));
         if parsed.is_none() || words.next().is_some() {
             let expected = N;
-            return Err(self.error(UrdfProblem::NotNumbers {
+            return Err(self.fault(UrdfProblem::NotNumbers {
                 subject,
                 element,
                 attribute,
@@ -222,7 +254,7 @@ impl<'d> Element<'d> {
             }));
         }
         if numbers.iter().any(|number| !number.is_finite()) {
-            return Err(self.error(UrdfProblem::NotFinite { subject, element, attribute, value }));
+            return Err(self.fault(UrdfProblem::NotFinite { subject, element, attribute, value }));
         }
         Ok(numbers)
     }
