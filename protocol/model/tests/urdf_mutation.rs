@@ -1,6 +1,6 @@
 //! Broken robot descriptions end in an answer, never in a panic.
 
-use armada_model::RobotModel;
+use armada_model::{Place, RobotModel};
 use nalgebra::Isometry3;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -104,9 +104,16 @@ fn attribute(index: &Index, text: &[char]) -> Option<std::ops::Range<usize>> {
     Some(start..end)
 }
 
-/// Loads the text and uses what it gave.
+/// Loads and checks the text and uses what that gave.
 fn exercise(text: &str) {
-    let Ok(model) = RobotModel::from_urdf(text, "mutated.urdf").inspect_err(|error| {
+    let report = RobotModel::check_urdf(text, "mutated.urdf");
+    let loaded = RobotModel::from_urdf(text, "mutated.urdf");
+    assert_eq!(report.model.is_some(), loaded.is_ok(), "{:?}", report.problems);
+    assert_eq!(report.problems.first(), loaded.as_ref().err());
+    assert!(report.problems.iter().is_sorted_by_key(|problem| position(&problem.place)));
+    assert!(report.warnings.iter().is_sorted_by_key(|warning| position(&warning.place)));
+    assert!(report.problems.iter().all(|problem| !problem.remedy().is_empty()));
+    let Ok(model) = loaded.inspect_err(|error| {
         assert!(error.place.line >= 1, "{error}");
         assert!(error.to_string().starts_with("mutated.urdf:"), "{error}");
     }) else {
@@ -118,6 +125,10 @@ fn exercise(text: &str) {
     for link in 0..model.links().len() {
         assert!(model.link_pose(&positions, link).is_ok() || all.is_err(), "link {link}");
     }
+}
+
+const fn position(place: &Place) -> (u32, u32) {
+    (place.line, place.column)
 }
 
 fn config(cases: u32) -> ProptestConfig {
