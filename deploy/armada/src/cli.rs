@@ -5,7 +5,8 @@ use tracing::Level;
 
 use crate::bench;
 use crate::commands::{
-    call, completions, events, info, jog, modes, process, reset, run, status, stop, up, watch,
+    call, completions, events, info, jog, model, modes, process, reset, run, status, stop, up,
+    watch,
 };
 use crate::exit;
 use crate::logging::LogFormat;
@@ -91,6 +92,8 @@ pub(crate) enum Command {
     ResetErrors(modes::RobotArgs),
     /// Call a method by its name with JSON parameters, for scripts and debugging
     Call(call::CallArgs),
+    /// Answer questions about a robot description: check it, show it, where its links are
+    Model(model::ModelArgs),
     /// Measure timing on this machine, against what Armada is built on
     Bench(bench::BenchArgs),
     /// Write the completion script of a shell

@@ -5,6 +5,7 @@ pub(crate) mod completions;
 pub(crate) mod events;
 pub(crate) mod info;
 pub(crate) mod jog;
+pub(crate) mod model;
 pub(crate) mod modes;
 pub(crate) mod process;
 pub(crate) mod reset;
@@ -52,6 +53,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Exit> {
         Command::Enable(args) => block_on(modes::run_on_robots::<Enable>(args)),
         Command::Disable(args) => block_on(modes::run_on_robots::<Disable>(args)),
         Command::ResetErrors(args) => block_on(modes::run_on_robot::<ResetErrors>(args)),
+        Command::Model(args) => model::run(&args),
         Command::Call(args) => block_on(call::run(args)),
         Command::Bench(args) => block_on(bench::run(args)),
         Command::Completions(args) => completions::run(&args),
