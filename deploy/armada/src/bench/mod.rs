@@ -1,7 +1,7 @@
 //! `armada bench`: how well this machine keeps time, and what Armada adds to what it is built on.
 //!
 //! ```text
-//! measurements  loop_period latency stop accept cpu step      one file each
+//! measurements  loop_period latency stop accept cpu step motion      one file or folder each
 //!    | use       arm (emulator + agent + client)   raw (the reference)
 //!    | start     child --asks over stdin--> part (this program, another process)
 //!    v
@@ -21,6 +21,7 @@ mod figures;
 mod latency;
 mod loop_period;
 mod machine;
+mod motion;
 mod part;
 mod raw;
 mod report;
@@ -48,6 +49,7 @@ use report::Report;
   armada bench loop --load             the same with every core kept busy
   armada bench latency --json          state, from the agent to a subscriber
   armada bench stop --rounds 20        cell/stop to standstill of two moving arms
+  armada bench motion                  kinematics, against pinocchio where it is installed
 
 Each measurement runs Armada and a reference by turns, in pairs, and reports the median over the
 pairs with the smallest and the largest. Figures are of this machine, now: use a release build, and
@@ -71,6 +73,8 @@ enum What {
     Accept(accept::AcceptArgs),
     /// Processor time of an agent and its emulator
     Cpu(cpu::CpuArgs),
+    /// Kinematics and motion, against the libraries that others use
+    Motion(motion::MotionArgs),
     /// One process of a measurement
     #[command(hide = true)]
     Part {
@@ -141,6 +145,7 @@ pub(crate) async fn run(args: BenchArgs) -> anyhow::Result<Exit> {
         What::Stop(args) => (args.common.json, or_signal(stop::measure(args)).await?),
         What::Step(args) => (args.json, Some(step::measure(&args)?)),
         What::Accept(args) => (args.common.json, or_signal(accept::measure(args)).await?),
+        What::Motion(args) => (args.json, or_signal(motion::measure(args)).await?),
         What::Cpu(args) => (args.common.json, or_signal(cpu::measure(args)).await?),
     };
     let Some(report) = measured else { return Ok(Exit::Interrupted) };

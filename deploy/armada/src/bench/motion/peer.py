@@ -1,0 +1,78 @@
+"""Times other libraries for `armada bench motion`.
+
+Says first what is installed, then answers one JSON question a line with one JSON object a line:
+{"error": TEXT} where it cannot.
+"""
+
+import importlib.metadata
+import json
+import math
+import sys
+import time
+
+
+def version(package):
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def timed(calls, inputs, call):
+    """Nanoseconds a call, over `calls` calls that go through `inputs`."""
+    rounds = max(1, calls // len(inputs))
+    for given in inputs:
+        call(given)
+    begin = time.perf_counter_ns()
+    for _ in range(rounds):
+        for given in inputs:
+            call(given)
+    return (time.perf_counter_ns() - begin) / (rounds * len(inputs))
+
+
+def configuration(pin, model, positions):
+    """Configuration vector of named positions; joints without limits have sine and cosine."""
+    q = pin.neutral(model)
+    for name, position in positions.items():
+        if not model.existJointName(name):
+            raise ValueError(f"joint {name} is missing")
+        joint = model.joints[model.getJointId(name)]
+        if joint.nq == 2:
+            q[joint.idx_q : joint.idx_q + 2] = math.cos(position), math.sin(position)
+        else:
+            q[joint.idx_q] = position
+    return q
+
+
+def fk(ask):
+    """Poses of all links, in one call a configuration."""
+    import pinocchio as pin
+
+    model = pin.buildModelFromXML(ask["urdf"])
+    data = model.createData()
+    inputs = [configuration(pin, model, positions) for positions in ask["configurations"]]
+    ns = timed(ask["calls"], inputs, lambda q: pin.framesForwardKinematics(model, data, q))
+    pin.framesForwardKinematics(model, data, inputs[0])
+    links = {}
+    for index, frame in enumerate(model.frames):
+        if frame.type == pin.FrameType.BODY:
+            links[frame.name] = data.oMf[index].homogeneous.flatten().tolist()
+    return {"ns": ns, "links": links}
+
+
+KINDS = {"fk": fk}
+
+
+def main():
+    packages = {name: version(name) for name in ("pin", "toppra", "ruckig")}
+    print(json.dumps({"python": sys.version.split()[0], "packages": packages}), flush=True)
+    for line in sys.stdin:
+        ask = json.loads(line)
+        try:
+            answer = KINDS[ask["kind"]](ask)
+        except Exception as error:
+            answer = {"error": f"{type(error).__name__}: {error}"}
+        print(json.dumps(answer), flush=True)
+
+
+main()
