@@ -9,6 +9,7 @@
 //! allocates nothing; every number that a constructor accepted is finite.
 
 mod joint_vector;
+mod kinematics;
 mod limits;
 mod pose;
 mod robot_model;
@@ -17,6 +18,7 @@ mod trajectory;
 mod urdf;
 
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
+pub use kinematics::{Load, LoadError, Payload, Twist};
 pub use limits::{JointLimits, JointType};
 pub use pose::{Pose, PoseError};
 pub use robot_model::{
