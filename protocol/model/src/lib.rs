@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! URDF text --urdf--> RobotModel --kinematics--> poses of links
+//! base and tip --Chain--> pose, Jacobian and twist of a tool; joint velocities for a twist
 //! waypoints --trajectory--> validated piecewise cubic --sample--> set-points
 //! ```
 //!
@@ -18,7 +19,10 @@ mod trajectory;
 mod urdf;
 
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
-pub use kinematics::{Load, LoadError, Payload, Twist};
+pub use kinematics::{
+    Chain, ChainError, ChainVariable, Damping, Jacobian, Load, LoadError, Payload,
+    ResolvedVelocity, SingularValues, Twist, Wrench,
+};
 pub use limits::{JointLimits, JointType};
 pub use pose::{Pose, PoseError};
 pub use robot_model::{
