@@ -7,7 +7,11 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use super::chain::{Chain, isometry};
 use super::jacobian::Jacobian;
 use super::reduce::Step;
+use super::sin_cos_of;
 use crate::KinematicsError;
+
+/// Joints whose sines are calculated together.
+const GROUP: usize = 8;
 
 /// Axes and origin of a frame, in the base.
 #[derive(Clone, Copy)]
@@ -91,14 +95,24 @@ impl Chain {
         let (R, p) = &self.reduced.first;
         let column = |index: usize| R.column(index).into_owned();
         let mut frame = Frame { x: column(0), y: column(1), z: column(2), p: *p };
-        for step in &self.reduced.steps {
-            let position = positions.get(step.variable).copied().unwrap_or_default();
-            let value = step.multiplier * position + step.offset;
-            if !value.is_finite() {
-                return Err(KinematicsError::NotFinite { joint: step.joint, value });
+        // In groups, because several sines at a time are cheaper than one after the other.
+        for group in self.reduced.steps.chunks(GROUP) {
+            let mut values = [0.0; GROUP];
+            let mut angles = [0.0; GROUP];
+            for ((step, value), angle) in group.iter().zip(&mut values).zip(&mut angles) {
+                let position = positions.get(step.variable).copied().unwrap_or_default();
+                *value = step.multiplier * position + step.offset;
+                if !value.is_finite() {
+                    let (joint, value) = (step.joint, *value);
+                    return Err(KinematicsError::NotFinite { joint, value });
+                }
+                *angle = if step.turns { step.angle + *value } else { step.angle };
             }
-            visit(step, &frame);
-            frame.advance(step, value);
+            let turns = sin_cos_of(&angles);
+            for ((step, &value), &turn) in group.iter().zip(&values).zip(&turns) {
+                visit(step, &frame);
+                frame.advance(step, if step.turns { 0.0 } else { value }, turn);
+            }
         }
         let R_BL = Matrix3::from_columns(&[frame.x, frame.y, frame.z]);
         let (R_LT, p_LT) = &self.last;
@@ -107,12 +121,10 @@ impl Chain {
 }
 
 impl Frame {
-    /// From the frame of a joint to that of the next, with the joint at `value` \[rad or m\].
+    /// From the frame of a joint to that of the next, with the joint slid by `slide` \[m\] and turned
+    /// by the angle of that sine and cosine.
     #[inline]
-    fn advance(&mut self, step: &Step, value: f64) {
-        let (slide, angle) =
-            if step.turns { (0.0, step.angle + value) } else { (value, step.angle) };
-        let (sin, cos) = angle.sin_cos();
+    fn advance(&mut self, step: &Step, slide: f64, (sin, cos): (f64, f64)) {
         let x = self.x * cos + self.y * sin;
         let y = self.y * cos - self.x * sin;
         self.p += x * step.shift.x + y * step.shift.y + self.z * (step.shift.z + slide);

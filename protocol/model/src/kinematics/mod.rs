@@ -12,6 +12,7 @@ mod jacobian;
 mod load;
 mod reduce;
 mod singular;
+mod trigonometry;
 mod twist;
 mod velocity;
 
@@ -19,5 +20,6 @@ pub use chain::{Chain, ChainError, ChainVariable};
 pub use jacobian::{Jacobian, Wrench};
 pub use load::{Load, LoadError, Payload};
 pub use singular::SingularValues;
+pub(crate) use trigonometry::{sin_cos, sin_cos_of};
 pub use twist::Twist;
 pub use velocity::{Damping, ResolvedVelocity};

@@ -5,6 +5,7 @@
 use nalgebra::{Isometry3, Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::{Joint, Link, Motion, PositionSource, RobotModel};
+use crate::kinematics::sin_cos;
 use crate::{JointType, Twist};
 
 /// Why poses of links cannot be calculated.
@@ -149,7 +150,7 @@ impl Node {
     /// Rotation in the parent of a joint that turns, at `angle`.
     #[inline]
     fn turned(&self, half_turn: &Quaternion<f64>, angle: f64) -> UnitQuaternion<f64> {
-        let (sin, cos) = (0.5 * angle).sin_cos();
+        let (sin, cos) = sin_cos(0.5 * angle);
         // Of unit length, because both are and they are orthogonal: no need to normalise.
         UnitQuaternion::new_unchecked(self.origin.rotation.into_inner() * cos + half_turn * sin)
     }
