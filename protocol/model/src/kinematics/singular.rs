@@ -78,7 +78,7 @@ impl SingularValues {
     }
 
     /// Value, direction in units of `length`, and value times joint direction, of each.
-    pub(super) fn parts(
+    pub(crate) fn parts(
         &self,
     ) -> impl Iterator<Item = (f64, &Vector6<f64>, &[f64; MAX_JOINTS])> + Clone {
         self.values.iter().zip(&self.directions).zip(&self.rows).map(|((&s, u), row)| (s, u, row))
