@@ -20,6 +20,9 @@ const LARGEST_STEP: f64 = 1.0;
 /// Iterations after which the square of the error must have fallen to [`FALLEN`] of what it was.
 const PATIENCE: u32 = 6;
 
+/// The same for the only start of a warm solution, which no other start replaces.
+const WARM_PATIENCE: u32 = 12;
+
 /// See [`PATIENCE`].
 const FALLEN: f64 = 0.5;
 
@@ -71,6 +74,7 @@ impl Search<'_> {
             iterations: 0,
             converged: false,
         };
+        let patience = if keep == Keep::Inside { WARM_PATIENCE } else { PATIENCE };
         let mut mark = (f64::INFINITY, 0);
         let mut jacobian = Jacobian::zeros(self.bounds.len());
         for iteration in 0..=most {
@@ -86,7 +90,7 @@ impl Search<'_> {
             }
             if best.error < FALLEN * mark.0 {
                 mark = (best.error, iteration);
-            } else if iteration >= mark.1 + PATIENCE {
+            } else if iteration >= mark.1 + patience {
                 break;
             }
             self.step(&mut q, &at, error, keep);

@@ -109,7 +109,10 @@ impl InverseKinematics {
         if end.converged {
             return Ok(self.finish(&search, end, Effort::Warm, 1));
         }
-        let cause = self.reach.excess(&task).map(|excess| InverseCause::OutOfReach { excess });
+        let cause = self
+            .reach
+            .excess(&task, &search.tolerance)
+            .map(|excess| InverseCause::OutOfReach { excess });
         let cause = cause.or_else(|| match search.unlimited([&start].into_iter()) {
             Unlimited::Beyond(cause) => Some(cause),
             Unlimited::Inside(_) | Unlimited::Nothing => search.singular(&end),
@@ -132,7 +135,7 @@ impl InverseKinematics {
         let task = Task::new(target);
         let search = self.search(&task);
         let start = padded(seed);
-        let excess = self.reach.excess(&task);
+        let excess = self.reach.excess(&task, &search.tolerance);
         let mut best = search.descend(&start, Keep::Wrapping, ITERATIONS);
         let mut starts = 1;
         if !best.converged && excess.is_none() {

@@ -5,7 +5,7 @@
 use arrayvec::ArrayVec;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-use super::reduce::{Element, Moving, Reduced, Step, reduce};
+use super::reduce::{Element, Moving, Reduced, reduce};
 use crate::{
     JointLimits, JointType, JointVector, KinematicsError, MAX_JOINTS, Motion, Pose, PositionSource,
     RobotModel,
@@ -211,30 +211,6 @@ impl Chain {
             }
         }
         Ok(())
-    }
-
-    /// Origin of the first joint's frame in the base, the longest distance from there to the origin
-    /// of the last joint's frame \[m\], and the way from there to the TCP in the TCP's axes.
-    ///
-    /// `farthest` tells the largest absolute position of a variable that slides, `None` if there is
-    /// none; the distance is infinite then. Distances between neighbours add up, so it is an upper
-    /// bound that only a straight arm attains.
-    pub(crate) fn extent(
-        &self,
-        farthest: impl Fn(usize) -> Option<f64>,
-    ) -> (Vector3<f64>, f64, Vector3<f64>) {
-        let length = |step: &Step| {
-            let slide = if step.turns {
-                0.0
-            } else {
-                let slide = |q: f64| (step.multiplier * q).abs() + step.offset.abs();
-                farthest(step.variable).map_or(f64::INFINITY, slide)
-            };
-            step.shift.norm() + slide
-        };
-        let longest = self.reduced.steps.iter().map(length).sum();
-        let (R_LT, p_LT) = &self.last;
-        (self.reduced.first.1, longest, R_LT.transpose() * p_LT)
     }
 
     pub(super) fn check_count(&self, positions: &[f64]) -> Result<(), KinematicsError> {

@@ -7,6 +7,7 @@
 //! ```
 
 mod chain;
+mod extent;
 mod forward;
 mod jacobian;
 mod load;
@@ -17,6 +18,7 @@ mod twist;
 mod velocity;
 
 pub use chain::{Chain, ChainError, ChainVariable};
+pub(crate) use extent::Extent;
 pub use jacobian::{Jacobian, Wrench};
 pub use load::{Load, LoadError, Payload};
 pub use singular::SingularValues;
