@@ -2,13 +2,17 @@
 //!
 //! ```text
 //! URDF text --urdf--> RobotModel --kinematics--> poses of links
+//! base and tip --Chain--> pose, Jacobian and twist of a tool; joint velocities for a twist
+//! pose --InverseKinematics--> joint positions, or what is in the way
 //! waypoints --trajectory--> validated piecewise cubic --sample--> set-points
 //! ```
 //!
 //! Invariants: nothing here reads a clock, a file or a socket; evaluating a model or a trajectory
 //! allocates nothing; every number that a constructor accepted is finite.
 
+mod inverse;
 mod joint_vector;
+mod kinematics;
 mod limits;
 mod pose;
 mod robot_model;
@@ -16,7 +20,15 @@ mod time;
 mod trajectory;
 mod urdf;
 
+pub use inverse::{
+    InverseCause, InverseFailure, InverseKinematics, InverseOptions, InverseSolution,
+    InverseTarget, LimitSide, PreferredPosture, Residual,
+};
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
+pub use kinematics::{
+    Chain, ChainError, ChainVariable, Damping, Jacobian, Load, LoadError, Payload,
+    ResolvedVelocity, SingularValues, Twist, Wrench,
+};
 pub use limits::{JointLimits, JointType};
 pub use pose::{Pose, PoseError};
 pub use robot_model::{

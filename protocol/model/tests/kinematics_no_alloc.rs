@@ -3,6 +3,7 @@
 mod common;
 mod counting_allocator;
 
+use armada_model::{Chain, Damping};
 use counting_allocator::allocations_of;
 use nalgebra::Isometry3;
 
@@ -25,6 +26,24 @@ fn poses_of_one_and_of_all_links_allocate_nothing() {
         assert_eq!(allocations, 0, "{file}");
         assert_ne!(poses[tip], Isometry3::identity(), "{file}: nothing was calculated");
     }
+}
+
+#[test]
+fn pose_jacobian_and_joint_velocities_of_a_chain_allocate_nothing() {
+    let model = common::own_robot("seven_axis_arm.urdf");
+    let chain = Chain::from_root(&model, "tool0").expect("a chain");
+    let tip = model.link_index("tool0").expect("a link");
+    let positions = [0.3; 7];
+    let allocations = allocations_of(|| {
+        let (_, jacobian) = chain.forward_and_jacobian(&positions).expect("positions fit");
+        let twist = jacobian.twist(&positions);
+        let resolved = jacobian.joint_velocity(&twist, &Damping::ARM, &[1.0; 7]);
+        assert!(resolved.scale > 0.0 && jacobian.manipulability() > 0.0);
+        chain.forward(&positions).expect("positions fit");
+        model.link_twist(&positions, &positions, tip).expect("positions fit");
+        chain.forward(&[f64::NAN; 7]).expect_err("not a number");
+    });
+    assert_eq!(allocations, 0);
 }
 
 #[test]

@@ -2,16 +2,17 @@
 
 #![allow(non_snake_case, reason = "X_PL is the pose of frame L in frame P")]
 
-use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Quaternion, Unit, UnitQuaternion, Vector3};
 
-use super::{Joint, Link, PositionSource, RobotModel};
-use crate::JointType;
+use super::{Joint, Link, Motion, PositionSource, RobotModel};
+use crate::kinematics::sin_cos;
+use crate::{JointType, Twist};
 
 /// Why poses of links cannot be calculated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum KinematicsError {
-    /// The position vector does not fit the robot.
-    #[error("{given} positions given, but the robot has {expected} driven joints")]
+    /// The position vector does not fit the robot or chain.
+    #[error("{given} positions given for {expected} driven joints")]
     PositionCount {
         /// Number of driven joints.
         expected: usize,
@@ -58,9 +59,24 @@ pub(super) struct Node {
 
 #[derive(Clone, Debug)]
 enum NodeMotion {
+    /// A joint that neither moves nor shifts nor turns.
+    Same,
+    /// A fixed joint without rotation.
+    Shifted,
     Fixed,
-    Turn(Unit<Vector3<f64>>, PositionSource),
-    Slide(Unit<Vector3<f64>>, PositionSource),
+    Turn {
+        axis: Unit<Vector3<f64>>,
+        /// Rotation of the origin times a half turn about the axis: the rotation by an angle is
+        /// `cos(angle / 2)` times the origin's plus `sin(angle / 2)` times this.
+        half_turn: Quaternion<f64>,
+        source: PositionSource,
+    },
+    Slide {
+        axis: Unit<Vector3<f64>>,
+        /// The axis in the parent.
+        direction: Vector3<f64>,
+        source: PositionSource,
+    },
 }
 
 /// One node per link, in link order.
@@ -68,38 +84,95 @@ pub(super) fn nodes(links: &[Link], joints: &[Joint]) -> Vec<Node> {
     let node = |link: &Link| {
         let index = link.parent_joint?;
         let joint = joints.get(index)?;
-        let motion =
-            joint.motion.as_ref().map_or(NodeMotion::Fixed, |motion| match motion.joint_type {
-                JointType::Revolute | JointType::Continuous => {
-                    NodeMotion::Turn(motion.axis, motion.position)
-                }
-                JointType::Prismatic => NodeMotion::Slide(motion.axis, motion.position),
-            });
-        Some(Node { parent: joint.parent, joint: index, origin: *joint.origin.isometry(), motion })
+        let origin = *joint.origin.isometry();
+        let motion = node_motion(&origin, joint.motion.as_ref());
+        Some(Node { parent: joint.parent, joint: index, origin, motion })
     };
     let root =
-        || Node { parent: 0, joint: 0, origin: Isometry3::identity(), motion: NodeMotion::Fixed };
+        || Node { parent: 0, joint: 0, origin: Isometry3::identity(), motion: NodeMotion::Same };
     links.iter().map(|link| node(link).unwrap_or_else(root)).collect()
 }
 
+fn node_motion(origin: &Isometry3<f64>, motion: Option<&Motion>) -> NodeMotion {
+    let Some(motion) = motion else {
+        let turned = origin.rotation != UnitQuaternion::identity();
+        let shifted = origin.translation.vector != Vector3::zeros();
+        return match (turned, shifted) {
+            (true, _) => NodeMotion::Fixed,
+            (false, true) => NodeMotion::Shifted,
+            (false, false) => NodeMotion::Same,
+        };
+    };
+    let (axis, source) = (motion.axis, motion.position);
+    match motion.joint_type {
+        JointType::Revolute | JointType::Continuous => {
+            let half_turn = origin.rotation.into_inner() * Quaternion::from_imag(axis.into_inner());
+            NodeMotion::Turn { axis, half_turn, source }
+        }
+        JointType::Prismatic => {
+            NodeMotion::Slide { axis, direction: origin.rotation * axis.into_inner(), source }
+        }
+    }
+}
+
 impl Node {
-    /// The link's pose in its parent.
+    /// The link's pose in the frame in which its parent stands at `X_RP`.
     #[inline]
-    fn pose_in_parent(&self, positions: &[f64]) -> Result<Isometry3<f64>, KinematicsError> {
-        match &self.motion {
-            NodeMotion::Fixed => Ok(self.origin),
-            NodeMotion::Turn(axis, source) => {
-                let (sin, cos) = (0.5 * self.position(source, positions)?).sin_cos();
-                // Of unit length, because the axis is: no need to normalise.
-                let turn = UnitQuaternion::new_unchecked(Quaternion::from_parts(
-                    cos,
-                    axis.into_inner() * sin,
-                ));
-                Ok(Isometry3::from_parts(self.origin.translation, self.origin.rotation * turn))
+    fn pose_after(
+        &self,
+        X_RP: &Isometry3<f64>,
+        positions: &[f64],
+    ) -> Result<Isometry3<f64>, KinematicsError> {
+        Ok(match self.motion {
+            NodeMotion::Same => *X_RP,
+            NodeMotion::Shifted => self.shifted(X_RP, X_RP.rotation),
+            NodeMotion::Fixed => self.shifted(X_RP, X_RP.rotation * self.origin.rotation),
+            NodeMotion::Turn { half_turn, source, .. } => {
+                let rotation = self.turned(&half_turn, self.position(&source, positions)?);
+                self.shifted(X_RP, X_RP.rotation * rotation)
             }
-            NodeMotion::Slide(axis, source) => {
-                let shift = axis.into_inner() * self.position(source, positions)?;
-                Ok(self.origin * Translation3::from(shift))
+            NodeMotion::Slide { direction, source, .. } => {
+                let shift = direction * self.position(&source, positions)?;
+                let rotation = X_RP.rotation * self.origin.rotation;
+                let p = X_RP.rotation * (self.origin.translation.vector + shift);
+                Isometry3::from_parts((X_RP.translation.vector + p).into(), rotation)
+            }
+        })
+    }
+
+    /// The pose with `rotation` whose origin stands where the parent at `X_RP` carries this one's.
+    #[inline]
+    fn shifted(&self, X_RP: &Isometry3<f64>, rotation: UnitQuaternion<f64>) -> Isometry3<f64> {
+        let p = X_RP.rotation * self.origin.translation.vector;
+        Isometry3::from_parts((X_RP.translation.vector + p).into(), rotation)
+    }
+
+    /// Rotation in the parent of a joint that turns, at `angle`.
+    #[inline]
+    fn turned(&self, half_turn: &Quaternion<f64>, angle: f64) -> UnitQuaternion<f64> {
+        let (sin, cos) = sin_cos(0.5 * angle);
+        // Of unit length, because both are and they are orthogonal: no need to normalise.
+        UnitQuaternion::new_unchecked(self.origin.rotation.into_inner() * cos + half_turn * sin)
+    }
+
+    /// Twist of the point of the link that stands at `point`, relative to the parent and in the
+    /// link's axes.
+    #[inline]
+    fn twist_at(&self, point: &Vector3<f64>, velocities: &[f64]) -> Twist {
+        let rate = |source: &PositionSource| match *source {
+            PositionSource::Variable(index) => velocities.get(index).copied().unwrap_or_default(),
+            PositionSource::Mimic { variable, multiplier, .. } => {
+                multiplier * velocities.get(variable).copied().unwrap_or_default()
+            }
+        };
+        match &self.motion {
+            NodeMotion::Same | NodeMotion::Shifted | NodeMotion::Fixed => Twist::ZERO,
+            NodeMotion::Turn { axis, source, .. } => {
+                let angular = axis.into_inner() * rate(source);
+                Twist::new(angular.cross(point), angular)
+            }
+            NodeMotion::Slide { axis, source, .. } => {
+                Twist::new(axis.into_inner() * rate(source), Vector3::zeros())
             }
         }
     }
@@ -134,12 +207,9 @@ impl RobotModel {
             return Err(KinematicsError::PoseCount { expected, given });
         }
         for (link, node) in self.nodes.iter().enumerate() {
-            let X_PL = node.pose_in_parent(positions)?;
             // Parents stand before their children; only the root has none.
-            let (done, open) = poses.split_at_mut(link);
-            if let Some(slot) = open.first_mut() {
-                *slot = done.get(node.parent).map_or(X_PL, |X_RP| X_RP * X_PL);
-            }
+            let X_RP = if link == 0 { Isometry3::identity() } else { poses[node.parent] };
+            poses[link] = node.pose_after(&X_RP, positions)?;
         }
         Ok(())
     }
@@ -163,9 +233,44 @@ impl RobotModel {
         let mut X_CL = Isometry3::identity();
         loop {
             let node = self.nodes.get(current).ok_or(unknown)?;
-            X_CL = node.pose_in_parent(positions)? * X_CL;
+            X_CL = node.pose_after(&Isometry3::identity(), positions)? * X_CL;
             if current == 0 {
                 return Ok(X_CL);
+            }
+            current = node.parent;
+        }
+    }
+
+    /// Pose in the root of the link at index `link`, and its twist relative to the root: of its
+    /// origin, in the axes of the root.
+    ///
+    /// `velocities` holds one velocity \[rad/s or m/s\] per variable. Allocates nothing; takes time
+    /// with the number of joints between the link and the root.
+    ///
+    /// # Errors
+    /// Those of [`RobotModel::link_pose`], for the length of `velocities` as well.
+    pub fn link_twist(
+        &self,
+        positions: &[f64],
+        velocities: &[f64],
+        link: usize,
+    ) -> Result<(Isometry3<f64>, Twist), KinematicsError> {
+        self.check_position_count(positions)?;
+        self.check_position_count(velocities)?;
+        let unknown = KinematicsError::UnknownLink { link, links: self.nodes.len() };
+        let mut current = link;
+        let mut X_CL = Isometry3::identity();
+        // Relative to C and in its axes, C going up from the link to the root.
+        let mut V_CL = Twist::ZERO;
+        loop {
+            let node = self.nodes.get(current).ok_or(unknown)?;
+            let X_PC = node.pose_after(&Isometry3::identity(), positions)?;
+            let own = node.twist_at(&X_CL.translation.vector, velocities);
+            let sum = Twist::new(V_CL.linear + own.linear, V_CL.angular + own.angular);
+            V_CL = sum.in_frame(&X_PC.rotation);
+            X_CL = X_PC * X_CL;
+            if current == 0 {
+                return Ok((X_CL, V_CL));
             }
             current = node.parent;
         }
