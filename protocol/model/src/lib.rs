@@ -12,6 +12,7 @@ mod joint_vector;
 mod limits;
 mod pose;
 mod robot_model;
+mod srdf;
 mod time;
 mod trajectory;
 mod urdf;
@@ -22,6 +23,10 @@ pub use pose::{Pose, PoseError};
 pub use robot_model::{
     Collision, Inertial, Joint, KinematicsError, Link, Motion, PositionSource, RobotModel, Shape,
     SoftLimits, Variable, Visual,
+};
+pub use srdf::{
+    DisabledPair, EndEffector, GroupState, JointGroup, LinkSpheres, Severity, Srdf, SrdfError,
+    SrdfErrorKind, SrdfFault, SrdfProblem, VirtualJoint, VirtualJointType,
 };
 pub use time::MonoTime;
 pub use trajectory::{
