@@ -8,6 +8,7 @@
 //! Invariants: nothing here reads a clock, a file or a socket; evaluating a model or a trajectory
 //! allocates nothing; every number that a constructor accepted is finite.
 
+mod clearance;
 mod joint_vector;
 mod limits;
 mod pose;
@@ -17,6 +18,7 @@ mod time;
 mod trajectory;
 mod urdf;
 
+pub use clearance::{Capsule, ClearanceError, Nearest, StlError, read_stl};
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
 pub use pose::{Pose, PoseError};
