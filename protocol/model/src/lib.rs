@@ -18,7 +18,11 @@ mod time;
 mod trajectory;
 mod urdf;
 
-pub use clearance::{Capsule, ClearanceError, Nearest, StlError, read_stl};
+pub use clearance::{
+    Accuracy, Body, BodyId, Capsule, ClearanceError, ClearanceWorkspace, CollisionScene,
+    MissingShape, Mount, Nearest, Owner, PairDistance, Placement, RobotId, SceneBuilder, StlError,
+    read_stl,
+};
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
 pub use pose::{Pose, PoseError};
