@@ -20,8 +20,8 @@ mod urdf;
 
 pub use clearance::{
     Accuracy, Body, BodyId, Capsule, ClearanceError, ClearanceWorkspace, CollisionScene,
-    MissingShape, Mount, Nearest, Owner, PairDistance, Placement, RobotId, SceneBuilder, StlError,
-    read_stl,
+    MissingShape, MotionCheck, MotionReport, MotionVerdict, Mount, Nearest, Owner, PairDistance,
+    Placement, RobotId, SceneBuilder, StlError, TimedDistance, read_stl,
 };
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};

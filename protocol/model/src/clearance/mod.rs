@@ -3,6 +3,7 @@
 //! ```text
 //! RobotModel, Srdf, mounts --SceneBuilder--> CollisionScene: bodies, pairs
 //! positions --CollisionScene::place--> Placement --> distances of pairs
+//! motion    --CollisionScene::check_motion--> clear, or when, where and how near
 //! ```
 //!
 //! Every shape is a *body*: a convex shape in a link, and a capsule that contains it. The distance
@@ -18,16 +19,19 @@ mod capsule;
 mod error;
 mod fit;
 mod hull;
+mod motion;
 mod pairs;
 mod query;
 mod reach;
 mod scene;
 mod stl;
+mod sweep;
 
 pub use body::{Body, BodyId, Owner};
 pub use builder::{MissingShape, Mount, RobotId, SceneBuilder};
 pub use capsule::{Capsule, Nearest};
 pub use error::ClearanceError;
+pub use motion::{MotionCheck, MotionReport, MotionVerdict, TimedDistance};
 pub use query::{Accuracy, PairDistance, Placement};
 pub use scene::{ClearanceWorkspace, CollisionScene};
 pub use stl::{StlError, read_stl};
