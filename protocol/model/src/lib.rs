@@ -11,11 +11,13 @@
 //! allocates nothing; every number that a constructor accepted is finite.
 
 mod inverse;
+mod clearance;
 mod joint_vector;
 mod kinematics;
 mod limits;
 mod pose;
 mod robot_model;
+mod srdf;
 mod time;
 mod trajectory;
 mod urdf;
@@ -23,6 +25,10 @@ mod urdf;
 pub use inverse::{
     InverseCause, InverseFailure, InverseKinematics, InverseOptions, InverseSolution,
     InverseTarget, LimitSide, PreferredPosture, Residual,
+pub use clearance::{
+    Accuracy, Body, BodyId, Capsule, ClearanceError, ClearanceWorkspace, CollisionScene,
+    MissingShape, MotionCheck, MotionReport, MotionVerdict, Mount, Nearest, Owner, PairDistance,
+    Placement, RobotId, SceneBuilder, StlError, TimedDistance, read_stl,
 };
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use kinematics::{
@@ -34,6 +40,10 @@ pub use pose::{Pose, PoseError};
 pub use robot_model::{
     Collision, Inertial, Joint, KinematicsError, Link, Motion, PositionSource, RobotModel, Shape,
     SoftLimits, Variable, Visual,
+};
+pub use srdf::{
+    DisabledPair, EndEffector, GroupState, JointGroup, LinkSpheres, Severity, Srdf, SrdfError,
+    SrdfErrorKind, SrdfFault, SrdfProblem, VirtualJoint, VirtualJointType,
 };
 pub use time::MonoTime;
 pub use trajectory::{

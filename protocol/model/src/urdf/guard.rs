@@ -1,14 +1,14 @@
 //! Bounds on a text before it is parsed.
 
 /// Most attributes of one element; URDF's own have at most six.
-pub(super) const MAX_ATTRIBUTES: usize = 256;
+pub(crate) const MAX_ATTRIBUTES: usize = 256;
 
 /// Position of the first element with more than [`MAX_ATTRIBUTES`] attributes.
 ///
 /// The XML parser compares every attribute of an element with every other, so 16 MiB in one
 /// element would keep it busy for minutes. A text that is not XML may be judged wrongly here; the
 /// parser refuses it anyway.
-pub(super) fn overfull_element(text: &str) -> Option<usize> {
+pub(crate) fn overfull_element(text: &str) -> Option<usize> {
     let mut rest = text;
     loop {
         rest = rest.get(rest.find('<')?..)?;

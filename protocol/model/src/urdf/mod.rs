@@ -13,7 +13,7 @@
 mod convert;
 mod error;
 mod findings;
-mod guard;
+pub(crate) mod guard;
 mod joint;
 mod link;
 mod remedy;
