@@ -8,6 +8,7 @@
 //! Invariants: nothing here reads a clock, a file or a socket; evaluating a model or a trajectory
 //! allocates nothing; every number that a constructor accepted is finite.
 
+mod analytic;
 mod joint_vector;
 mod limits;
 mod pose;

@@ -1,0 +1,9 @@
+//! Inverse kinematics in closed form: all postures in which an arm reaches a pose.
+
+#![allow(dead_code, unreachable_pub, reason = "used by the commits that follow")]
+
+mod branch;
+mod parts;
+mod subproblem;
+
+use subproblem::wrapped;

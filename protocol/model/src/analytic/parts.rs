@@ -1,0 +1,173 @@
+//! Shoulder, elbow and wrist: what the closed forms are put together from.
+
+#![allow(non_snake_case, reason = "R_AB is the orientation of frame B in frame A")]
+
+use arrayvec::ArrayVec;
+use nalgebra::{Matrix3, Vector3};
+
+use super::branch::Wrist;
+use super::subproblem::{Roots, Wave, across, angle_between, any_across, turned};
+
+/// Joint 1 before joints with parallel axes: they leave a point's distance along their axes alone.
+#[derive(Clone, Debug)]
+pub(super) struct Shoulder {
+    pub(super) axis: Vector3<f64>,
+    pub(super) point: Vector3<f64>,
+    /// Direction of the parallel axes.
+    pub(super) normal: Vector3<f64>,
+    /// What stays the same: distance of the wrist from `point` along `normal` \[m\].
+    pub(super) offset: f64,
+    pub(super) slack: f64,
+}
+
+impl Shoulder {
+    /// Values of joint 1 for a wrist at `wrist`, in the base. Where the wave falls it is in front.
+    pub(super) fn roots(&self, wrist: &Vector3<f64>) -> Roots {
+        let wave = Wave::of(&self.normal, &-self.axis, &(wrist - self.point));
+        wave.roots(self.offset, self.slack)
+    }
+}
+
+/// Two turns that bring a point to where it shall be: subproblem 3, then 1.
+#[derive(Clone, Debug)]
+pub(super) struct Elbow {
+    /// Axis of the second turn.
+    pub(super) axis: Vector3<f64>,
+    /// From the first centre to the second at position zero.
+    pub(super) upper: Vector3<f64>,
+    /// From the second centre to the point at position zero.
+    pub(super) fore: Vector3<f64>,
+    pub(super) slack: f64,
+}
+
+impl Elbow {
+    /// Angles of the second turn that bring the point to the distance \[m\]; the excess is in \[m\].
+    ///
+    /// Where the wave falls the elbow is bent positively.
+    pub(super) fn roots(&self, distance: f64) -> Roots {
+        let wave = Wave::of(&self.upper, &self.axis, &self.fore);
+        let squares = self.upper.norm_squared() + self.fore.norm_squared();
+        let height = 0.5 * (distance * distance - squares);
+        let longest = (squares + 2.0 * (wave.mean + wave.amplitude)).max(0.0).sqrt();
+        let shortest = (squares + 2.0 * (wave.mean - wave.amplitude)).max(0.0).sqrt();
+        match wave.roots(height, self.slack * longest) {
+            Roots::Beyond { .. } => {
+                let excess = (distance - longest).max(shortest - distance);
+                // The comparison drops what is not a number.
+                Roots::Beyond { excess: if excess > 0.0 { excess } else { f64::INFINITY } }
+            }
+            roots => roots,
+        }
+    }
+
+    /// Where the point is, from the first centre, before the first turn.
+    pub(super) fn reach(&self, angle: f64) -> Vector3<f64> {
+        self.upper + turned(&self.axis, angle, &self.fore)
+    }
+}
+
+/// Three turns about axes through one point, that make up a rotation.
+#[derive(Clone, Debug)]
+pub(super) struct Spherical {
+    axes: [Vector3<f64>; 3],
+    wave: Wave,
+    /// Whether the middle axis is at right angles to both others.
+    is_square: bool,
+    beside_first: Vector3<f64>,
+    beside_last: Vector3<f64>,
+    slack: f64,
+}
+
+/// Which joint keeps its value \[rad\] where the outer axes are parallel.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Keep {
+    First(f64),
+    Last(f64),
+}
+
+/// Three angles that make up a rotation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turns {
+    pub(super) angles: [f64; 3],
+    pub(super) flip: Wrist,
+    pub(super) singular: bool,
+}
+
+impl Spherical {
+    pub(super) fn new(axes: [Vector3<f64>; 3], slack: f64) -> Self {
+        let [first, middle, last] = axes;
+        Self {
+            wave: Wave::of(&first, &middle, &last),
+            is_square: first.dot(&middle).abs().max(last.dot(&middle).abs()) < 1e-4,
+            beside_first: any_across(&first),
+            beside_last: any_across(&last),
+            axes,
+            slack,
+        }
+    }
+
+    /// Angles whose product of turns is `R`.
+    ///
+    /// A singular answer stands first; those after it are needed only where it does not hold, since
+    /// the arm is not quite the ideal one or cannot reach with the value kept.
+    pub(super) fn turns(&self, R: &Matrix3<f64>, keep: Keep) -> ArrayVec<Turns, 3> {
+        let mut answers = ArrayVec::new();
+        let [first, _, last] = &self.axes;
+        let tip = R * last;
+        let level = first.dot(&tip) - self.wave.mean;
+        let gap = self.wave.amplitude - level.abs();
+        if gap < -self.slack || gap.is_nan() {
+            return answers;
+        }
+        let lean = first.cross(&tip).norm();
+        let half = if self.is_square {
+            lean.atan2(level)
+        } else {
+            ((self.wave.amplitude + level.abs()) * gap).max(0.0).sqrt().atan2(level)
+        };
+        // A lean of this size turns the tip by less than what a posture must be exact to.
+        if lean < 10.0 * self.slack {
+            let crest = self.wave.phase + if level < 0.0 { std::f64::consts::PI } else { 0.0 };
+            answers.push(self.kept(R, crest, keep));
+        }
+        for (angle, flip) in [(half, Wrist::NoFlip), (-half, Wrist::Flip)] {
+            answers.push(self.regular(R, self.wave.phase + angle, flip));
+        }
+        answers
+    }
+
+    /// Outer angles for a middle one, of axes that are not parallel.
+    fn regular(&self, R: &Matrix3<f64>, middle: f64, flip: Wrist) -> Turns {
+        let axes = &self.axes;
+        let (from, onto) = (turned(&axes[1], -middle, &axes[0]), R.tr_mul(&axes[0]));
+        let last = -angle_between(&axes[2], &from, &onto);
+        Turns { angles: [self.first(R, middle, last), middle, last], flip, singular: false }
+    }
+
+    /// Outer angles for a middle one at which their axes are parallel.
+    fn kept(&self, R: &Matrix3<f64>, middle: f64, keep: Keep) -> Turns {
+        let axes = &self.axes;
+        let angles = match keep {
+            Keep::Last(last) => [self.first(R, middle, last), middle, last],
+            Keep::First(first) => {
+                let turned_tip = turned(&axes[0], -first, &(R * self.beside_last));
+                let onto = turned(&axes[1], -middle, &turned_tip);
+                [first, middle, angle_between(&axes[2], &self.beside_last, &onto)]
+            }
+        };
+        Turns { angles, flip: Wrist::NoFlip, singular: true }
+    }
+
+    /// The first angle, well defined everywhere once the others are known.
+    fn first(&self, R: &Matrix3<f64>, middle: f64, last: f64) -> f64 {
+        let axes = &self.axes;
+        let beside = turned(&axes[1], -middle, &self.beside_first);
+        let onto = R * turned(&axes[2], -last, &beside);
+        angle_between(&axes[0], &self.beside_first, &onto)
+    }
+}
+
+/// What is left of `vector` in the plane of an elbow with axis along `normal`.
+pub(super) fn in_plane(normal: &Vector3<f64>, vector: &Vector3<f64>) -> Vector3<f64> {
+    across(normal, vector)
+}
