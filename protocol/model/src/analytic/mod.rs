@@ -3,6 +3,9 @@
 #![allow(dead_code, unreachable_pub, reason = "used by the commits that follow")]
 
 mod branch;
+mod chain;
+mod error;
+mod fit;
 mod parts;
 mod subproblem;
 
