@@ -17,6 +17,10 @@ mod time;
 mod trajectory;
 mod urdf;
 
+pub use analytic::{
+    AnalyticArm, AnalyticError, ArmFamily, BeyondLimit, Branch, BranchError, Branches,
+    Configuration, Elbow, MAX_BRANCHES, Mismatch, Selection, Shoulder, Singularities, Wrist,
+};
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
 pub use pose::{Pose, PoseError};

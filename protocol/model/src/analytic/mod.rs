@@ -1,12 +1,27 @@
 //! Inverse kinematics in closed form: all postures in which an arm reaches a pose.
+//!
+//! ```text
+//! RobotModel --recognise--> AnalyticArm --solve--> Branches --select--> Branch within limits
+//! ```
+//!
+//! Which closed form an arm has follows from how its axes stand to each other, never from names.
+//! The equations are geometric subproblems on the axes at position zero; what they answer is
+//! checked, and where needed refined, with the exact kinematics.
 
-#![allow(dead_code, unreachable_pub, reason = "used by the commits that follow")]
-
+mod arm;
 mod branch;
 mod chain;
+mod common;
 mod error;
 mod fit;
 mod parts;
 mod subproblem;
+
+pub use arm::{AnalyticArm, ArmFamily};
+pub use branch::{
+    Branch, Branches, Configuration, Elbow, MAX_BRANCHES, Shoulder, Singularities, Wrist,
+};
+pub use common::Selection;
+pub use error::{AnalyticError, BeyondLimit, BranchError, Mismatch};
 
 use subproblem::wrapped;
