@@ -19,7 +19,8 @@ mod urdf;
 
 pub use analytic::{
     AnalyticArm, AnalyticError, ArmFamily, BeyondLimit, Branch, BranchError, Branches,
-    Configuration, Elbow, MAX_BRANCHES, Mismatch, Selection, Shoulder, Singularities, Wrist,
+    Configuration, Elbow, MAX_BRANCHES, Mismatch, Selection, SevenAxisArm, Shoulder, Singularities,
+    Wrist,
 };
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};

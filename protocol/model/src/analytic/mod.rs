@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! RobotModel --recognise--> AnalyticArm --solve--> Branches --select--> Branch within limits
+//! RobotModel --recognise--> SevenAxisArm --solve(arm angle)--> Branches, as above
 //! ```
 //!
 //! Which closed form an arm has follows from how its axes stand to each other, never from names.
@@ -15,6 +16,7 @@ mod common;
 mod error;
 mod fit;
 mod parts;
+mod seven;
 mod subproblem;
 
 pub use arm::{AnalyticArm, ArmFamily};
@@ -23,5 +25,6 @@ pub use branch::{
 };
 pub use common::Selection;
 pub use error::{AnalyticError, BeyondLimit, BranchError, Mismatch};
+pub use seven::SevenAxisArm;
 
 use subproblem::wrapped;

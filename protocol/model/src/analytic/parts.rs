@@ -6,7 +6,7 @@ use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
 
 use super::branch::Wrist;
-use super::subproblem::{Roots, Wave, across, angle_between, any_across, turned};
+use super::subproblem::{Roots, Wave, across, angle_between, any_across, turned, turning};
 
 /// Joint 1 before joints with parallel axes: they leave a point's distance along their axes alone.
 #[derive(Clone, Debug)]
@@ -104,6 +104,12 @@ impl Spherical {
             axes,
             slack,
         }
+    }
+
+    /// The product of the turns by `angles`.
+    pub(super) fn turning(&self, angles: [f64; 3]) -> Matrix3<f64> {
+        let [first, middle, last] = &self.axes;
+        turning(first, angles[0]) * turning(middle, angles[1]) * turning(last, angles[2])
     }
 
     /// Angles whose product of turns is `R`.
