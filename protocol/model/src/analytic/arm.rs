@@ -10,7 +10,7 @@ use super::common::{Core, Selection};
 use super::error::{AnalyticError, BeyondLimit, BranchError, Mismatch};
 use super::fit::{Deviation, apart, long_enough, sign};
 use super::parts::{Elbow, Keep, Shoulder, Spherical, in_plane};
-use super::subproblem::{Root, Roots, angle_between, turned, turning};
+use super::subproblem::{Angle, Root, Roots, angle_between, turned, turning};
 use crate::{JointLimits, RobotModel};
 
 /// Closed-form inverse kinematics of a six-axis arm: every posture that reaches a pose.
@@ -171,12 +171,7 @@ impl AnalyticArm {
                 offset: normal.dot(&(wrist_point - a1.point)),
                 slack,
             },
-            elbow: Elbow {
-                axis: normal * elbow_sign,
-                upper,
-                fore: in_plane(&normal, &fore),
-                slack,
-            },
+            elbow: Elbow::new(normal * elbow_sign, upper, in_plane(&normal, &fore), slack),
             wrist: Spherical::new([a4.direction, a5.direction, a6.direction], slack),
             wrist_point,
             back: a1.point - a2.point,
@@ -281,7 +276,7 @@ impl AnalyticArm {
         for bend in self.bends(p, kept, branches) {
             let q2 = self.lift(&bend, p, kept[1]);
             let normal = &self.shoulder.normal;
-            let lift = q2 + self.elbow_sign * bend.angle;
+            let lift = q2 + bend.angle.signed(self.elbow_sign);
             let R_wrist = turning(normal, -lift) * R;
             for turns in self.wrist.turns(&R_wrist, Keep::First(kept[3])) {
                 let [q4, q5, q6] = turns.angles;
@@ -311,7 +306,7 @@ impl AnalyticArm {
             let mut is_found = false;
             for bend in self.bends(&p, kept, branches) {
                 let q2 = self.lift(&bend, &p, kept[1]);
-                let q4 = wrist_sign * (sum - q2 - self.elbow_sign * bend.angle);
+                let q4 = (sum - q2 - bend.angle.signed(self.elbow_sign)).signed(*wrist_sign);
                 let joints = [root.angle, q2, bend.angle, q4, q5, q6];
                 let letters = self.letters(root, &bend, turns.flip, turns.singular);
                 is_found |= self.core.offer(joints, letters, X_BT, branches);
@@ -337,11 +332,11 @@ impl AnalyticArm {
     }
 
     /// The value of joint 2 that brings the elbow's point to `p` from joint 2.
-    fn lift(&self, bend: &Root, p: &Vector3<f64>, kept: f64) -> f64 {
+    fn lift(&self, bend: &Root, p: &Vector3<f64>, kept: f64) -> Angle {
         let from = self.elbow.reach(bend.angle);
         // Folded onto joint 2: it can be anything.
-        if from.norm_squared() < self.elbow.slack * self.elbow.slack {
-            return kept;
+        if from.norm_squared() < self.shoulder.slack * self.shoulder.slack {
+            return Angle::of(kept);
         }
         angle_between(&self.shoulder.normal, &from, p)
     }

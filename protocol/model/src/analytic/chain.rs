@@ -2,13 +2,14 @@
 
 #![allow(non_snake_case, reason = "X_BT is the pose of the tip T in the base B")]
 
-use nalgebra::{Isometry3, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use super::error::AnalyticError;
+use super::subproblem::{Angle, turning};
 use crate::{Joint, JointType, PositionSource, RobotModel};
 
 /// Error of position \[m\] and orientation \[rad\] at which a posture needs no refinement.
-const EXACT: f64 = 2e-10;
+pub(super) const EXACT: f64 = 2e-10;
 
 /// Steps after which refinement gives up.
 const STEPS: usize = 12;
@@ -93,8 +94,9 @@ pub(super) struct Chain<const N: usize> {
     start: Vector3<f64>,
     /// From a point of each axis to one of the next, of the last to the tip, at position zero.
     spans: [Vector3<f64>; N],
-    /// Orientation of the tip at position zero.
+    /// Orientation of the tip at position zero, twice.
     home: UnitQuaternion<f64>,
+    home_matrix: Matrix3<f64>,
 }
 
 impl<const N: usize> Chain<N> {
@@ -107,6 +109,7 @@ impl<const N: usize> Chain<N> {
             start: axes.first().map_or(X_BT.translation.vector, |axis| axis.point),
             spans: std::array::from_fn(|index| after(index) - axes[index].point),
             home: X_BT.rotation,
+            home_matrix: *X_BT.rotation.to_rotation_matrix().matrix(),
         }
     }
 
@@ -114,6 +117,19 @@ impl<const N: usize> Chain<N> {
     pub(super) fn home(&self) -> Isometry3<f64> {
         let position = self.spans.iter().fold(self.start, |point, span| point + span);
         Isometry3::from_parts(position.into(), self.home)
+    }
+
+    /// By how much the tip misses `target`, the larger of position \[m\] and orientation \[rad\].
+    pub(super) fn miss(&self, angles: &[Angle; N], target: &Isometry3<f64>) -> f64 {
+        let (mut rotation, mut point) = (Matrix3::identity(), self.start);
+        for ((direction, span), &angle) in self.directions.iter().zip(&self.spans).zip(angles) {
+            rotation *= turning(direction, angle);
+            point += rotation * span;
+        }
+        let shift = target.translation.vector - point;
+        let turn = target.rotation.to_rotation_matrix().matrix() - rotation * self.home_matrix;
+        // The norm is 2 sqrt(2) times the sine of half the angle.
+        shift.norm_squared().max(0.5 * turn.norm_squared()).sqrt()
     }
 
     /// Improves `joints` until they bring the tip to `target`; the error that remains, the larger

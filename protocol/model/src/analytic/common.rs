@@ -8,9 +8,9 @@ use arrayvec::ArrayVec;
 use nalgebra::Isometry3;
 
 use super::branch::{Branch, Branches, Configuration, Singularities};
-use super::chain::{Axis, Chain};
+use super::chain::{Axis, Chain, EXACT};
 use super::error::{AnalyticError, BeyondLimit, BranchError};
-use super::subproblem::wrapped;
+use super::subproblem::{Angle, wrapped};
 use crate::{JointLimits, JointVector};
 
 /// Error of position \[m\] and orientation \[rad\] above which an answer is none.
@@ -60,16 +60,19 @@ impl<const N: usize> Core<N> {
         Ok(())
     }
 
-    /// Makes `joints` exact and adds them to `branches` if they reach the target.
+    /// Makes `angles` exact and adds them to `branches` if they reach the target.
     pub(super) fn offer(
         &self,
-        joints: [f64; N],
+        angles: [Angle; N],
         (configuration, singular): (Configuration, Singularities),
         X_BT: &Isometry3<f64>,
         branches: &mut Branches,
     ) -> bool {
-        let mut joints = joints.map(wrapped);
-        let error = self.chain.refine(&mut joints, X_BT);
+        let mut error = self.chain.miss(&angles, X_BT);
+        let mut joints = angles.map(|angle| angle.rad);
+        if error > EXACT || error.is_nan() {
+            error = self.chain.refine(&mut joints, X_BT);
+        }
         if error > ACCEPTED || error.is_nan() {
             branches.miss(error);
             return false;

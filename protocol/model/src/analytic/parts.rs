@@ -6,7 +6,7 @@ use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
 
 use super::branch::Wrist;
-use super::subproblem::{Roots, Wave, across, angle_between, any_across, turned, turning};
+use super::subproblem::{Angle, Roots, Wave, across, angle_between, any_across, turned, turning};
 
 /// Joint 1 before joints with parallel axes: they leave a point's distance along their axes alone.
 #[derive(Clone, Debug)]
@@ -31,28 +31,43 @@ impl Shoulder {
 /// Two turns that bring a point to where it shall be: subproblem 3, then 1.
 #[derive(Clone, Debug)]
 pub(super) struct Elbow {
-    /// Axis of the second turn.
-    pub(super) axis: Vector3<f64>,
-    /// From the first centre to the second at position zero.
-    pub(super) upper: Vector3<f64>,
-    /// From the second centre to the point at position zero.
-    pub(super) fore: Vector3<f64>,
-    pub(super) slack: f64,
+    axis: Vector3<f64>,
+    upper: Vector3<f64>,
+    fore: Vector3<f64>,
+    wave: Wave,
+    /// Sum of the squares of the lengths \[m²\].
+    squares: f64,
+    /// Distances that can be reached \[m\].
+    shortest: f64,
+    longest: f64,
+    slack: f64,
 }
 
 impl Elbow {
+    /// An elbow whose second turn is about `axis`; `upper` leads from the first centre to the
+    /// second, `fore` from there to the point, at position zero.
+    pub(super) fn new(
+        axis: Vector3<f64>,
+        upper: Vector3<f64>,
+        fore: Vector3<f64>,
+        slack: f64,
+    ) -> Self {
+        let wave = Wave::of(&upper, &axis, &fore);
+        let squares = upper.norm_squared() + fore.norm_squared();
+        let reach =
+            |sign: f64| (squares + 2.0 * (wave.mean + sign * wave.amplitude)).max(0.0).sqrt();
+        let (shortest, longest) = (reach(-1.0), reach(1.0));
+        Self { axis, upper, fore, wave, squares, shortest, longest, slack }
+    }
+
     /// Angles of the second turn that bring the point to the distance \[m\]; the excess is in \[m\].
     ///
     /// Where the wave falls the elbow is bent positively.
     pub(super) fn roots(&self, distance: f64) -> Roots {
-        let wave = Wave::of(&self.upper, &self.axis, &self.fore);
-        let squares = self.upper.norm_squared() + self.fore.norm_squared();
-        let height = 0.5 * (distance * distance - squares);
-        let longest = (squares + 2.0 * (wave.mean + wave.amplitude)).max(0.0).sqrt();
-        let shortest = (squares + 2.0 * (wave.mean - wave.amplitude)).max(0.0).sqrt();
-        match wave.roots(height, self.slack * longest) {
+        let height = 0.5 * (distance * distance - self.squares);
+        match self.wave.roots(height, self.slack * self.longest) {
             Roots::Beyond { .. } => {
-                let excess = (distance - longest).max(shortest - distance);
+                let excess = (distance - self.longest).max(self.shortest - distance);
                 // The comparison drops what is not a number.
                 Roots::Beyond { excess: if excess > 0.0 { excess } else { f64::INFINITY } }
             }
@@ -60,8 +75,29 @@ impl Elbow {
         }
     }
 
+    /// Whether `reach` is that of an elbow bent positively, or stretched.
+    pub(super) fn is_bent_positively(&self, reach: &Vector3<f64>) -> bool {
+        self.axis.dot(&self.upper.cross(reach)) >= 0.0
+    }
+
+    /// Which way from the line to the point the elbow is, before the first turn; `None` if the
+    /// point is at the first centre.
+    pub(super) fn side(
+        &self,
+        reach: &Vector3<f64>,
+        is_bent_positively: bool,
+    ) -> Option<Vector3<f64>> {
+        let side = reach.cross(&self.axis).try_normalize(self.slack)?;
+        Some(if is_bent_positively { side } else { -side })
+    }
+
+    /// The second turn.
+    pub(super) fn turning(&self, angle: Angle) -> Matrix3<f64> {
+        turning(&self.axis, angle)
+    }
+
     /// Where the point is, from the first centre, before the first turn.
-    pub(super) fn reach(&self, angle: f64) -> Vector3<f64> {
+    pub(super) fn reach(&self, angle: Angle) -> Vector3<f64> {
         self.upper + turned(&self.axis, angle, &self.fore)
     }
 }
@@ -88,7 +124,7 @@ pub(super) enum Keep {
 /// Three angles that make up a rotation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turns {
-    pub(super) angles: [f64; 3],
+    pub(super) angles: [Angle; 3],
     pub(super) flip: Wrist,
     pub(super) singular: bool,
 }
@@ -107,7 +143,7 @@ impl Spherical {
     }
 
     /// The product of the turns by `angles`.
-    pub(super) fn turning(&self, angles: [f64; 3]) -> Matrix3<f64> {
+    pub(super) fn turning(&self, angles: [Angle; 3]) -> Matrix3<f64> {
         let [first, middle, last] = &self.axes;
         turning(first, angles[0]) * turning(middle, angles[1]) * turning(last, angles[2])
     }
@@ -126,15 +162,15 @@ impl Spherical {
             return answers;
         }
         let lean = first.cross(&tip).norm();
-        let half = if self.is_square {
-            lean.atan2(level)
+        let sine = if self.is_square {
+            lean
         } else {
-            ((self.wave.amplitude + level.abs()) * gap).max(0.0).sqrt().atan2(level)
+            ((self.wave.amplitude + level.abs()) * gap).max(0.0).sqrt()
         };
+        let half = Angle::towards(sine, level);
         // A lean of this size turns the tip by less than what a posture must be exact to.
         if lean < 10.0 * self.slack {
-            let crest = self.wave.phase + if level < 0.0 { std::f64::consts::PI } else { 0.0 };
-            answers.push(self.kept(R, crest, keep));
+            answers.push(self.kept(R, self.wave.crest(level), keep));
         }
         for (angle, flip) in [(half, Wrist::NoFlip), (-half, Wrist::Flip)] {
             answers.push(self.regular(R, self.wave.phase + angle, flip));
@@ -143,7 +179,7 @@ impl Spherical {
     }
 
     /// Outer angles for a middle one, of axes that are not parallel.
-    fn regular(&self, R: &Matrix3<f64>, middle: f64, flip: Wrist) -> Turns {
+    fn regular(&self, R: &Matrix3<f64>, middle: Angle, flip: Wrist) -> Turns {
         let axes = &self.axes;
         let (from, onto) = (turned(&axes[1], -middle, &axes[0]), R.tr_mul(&axes[0]));
         let last = -angle_between(&axes[2], &from, &onto);
@@ -151,11 +187,15 @@ impl Spherical {
     }
 
     /// Outer angles for a middle one at which their axes are parallel.
-    fn kept(&self, R: &Matrix3<f64>, middle: f64, keep: Keep) -> Turns {
+    fn kept(&self, R: &Matrix3<f64>, middle: Angle, keep: Keep) -> Turns {
         let axes = &self.axes;
         let angles = match keep {
-            Keep::Last(last) => [self.first(R, middle, last), middle, last],
+            Keep::Last(last) => {
+                let last = Angle::of(last);
+                [self.first(R, middle, last), middle, last]
+            }
             Keep::First(first) => {
+                let first = Angle::of(first);
                 let turned_tip = turned(&axes[0], -first, &(R * self.beside_last));
                 let onto = turned(&axes[1], -middle, &turned_tip);
                 [first, middle, angle_between(&axes[2], &self.beside_last, &onto)]
@@ -165,7 +205,7 @@ impl Spherical {
     }
 
     /// The first angle, well defined everywhere once the others are known.
-    fn first(&self, R: &Matrix3<f64>, middle: f64, last: f64) -> f64 {
+    fn first(&self, R: &Matrix3<f64>, middle: Angle, last: Angle) -> Angle {
         let axes = &self.axes;
         let beside = turned(&axes[1], -middle, &self.beside_first);
         let onto = R * turned(&axes[2], -last, &beside);

@@ -10,7 +10,7 @@ use super::common::{Core, Selection};
 use super::error::{AnalyticError, BeyondLimit, BranchError, Mismatch};
 use super::fit::{Deviation, long_enough};
 use super::parts::{Elbow, Keep, Spherical, Turns, in_plane};
-use super::subproblem::{Root, Roots, across, angle_between, any_across, turned, turning};
+use super::subproblem::{Angle, Root, Roots, across, angle_between, any_across, turned};
 use crate::{JointLimits, RobotModel};
 
 /// Below this sine of the angle between axis 1 and the line to the wrist, axis 1 gives no plane.
@@ -79,7 +79,7 @@ impl SevenAxisArm {
         Ok(Self {
             core: Core::new(axes, X_BT),
             shoulder: spherical(a1, a2, a3),
-            elbow: Elbow { axis: a4.direction, upper, fore, slack },
+            elbow: Elbow::new(a4.direction, upper, fore, slack),
             wrist: spherical(a5, a6, a7),
             shoulder_point,
             wrist_point,
@@ -115,14 +115,14 @@ impl SevenAxisArm {
     /// stretched it is the angle of an elbow bent a little by joint 4 in the positive direction.
     #[must_use]
     pub fn arm_angle(&self, joint_position: &[f64]) -> Option<f64> {
-        let [q1, q2, q3, q4, _, _, _] = <[f64; 7]>::try_from(joint_position).ok()?;
+        let joints = <[f64; 7]>::try_from(joint_position).ok()?.map(Angle::of);
+        let [q1, q2, q3, q4, _, _, _] = joints;
         let reach = self.elbow.reach(q4);
-        let bend = self.elbow.axis.dot(&self.elbow.upper.cross(&reach));
-        let elbow = self.elbow_side(&reach, bend >= 0.0)?;
+        let elbow = self.elbow.side(&reach, self.elbow.is_bent_positively(&reach))?;
         let R = self.shoulder.turning([q1, q2, q3]);
         let line = (R * reach).normalize();
         let angle = angle_between(&line, &self.zero_side(&line), &(R * elbow));
-        angle.is_finite().then_some(angle)
+        angle.rad.is_finite().then_some(angle.rad)
     }
 
     /// All postures that bring the tip to `X_BT`, its pose in the base link, with the elbow at
@@ -152,8 +152,7 @@ impl SevenAxisArm {
             let Some(R) = self.upper_arm(&bend, &line, arm_angle) else { continue };
             for front in self.shoulder.turns(&R, Keep::First(kept[0])) {
                 // As it is after rounding, so that the wrist makes good for it.
-                let R_4 =
-                    self.shoulder.turning(front.angles) * turning(&self.elbow.axis, bend.angle);
+                let R_4 = self.shoulder.turning(front.angles) * self.elbow.turning(bend.angle);
                 let R_wrist = R_4.tr_mul(R_BT.matrix());
                 let mut is_found = false;
                 for turns in self.wrist.turns(&R_wrist, Keep::First(kept[4])) {
@@ -205,16 +204,10 @@ impl SevenAxisArm {
     /// The turn of the shoulder that points the bent arm along `line` with the elbow at its angle.
     fn upper_arm(&self, bend: &Root, line: &Vector3<f64>, arm_angle: f64) -> Option<Matrix3<f64>> {
         let reach = self.elbow.reach(bend.angle);
-        let from = frame(&reach, &self.elbow_side(&reach, bend.falls)?);
+        let from = frame(&reach, &self.elbow.side(&reach, bend.falls)?);
         let line = line.normalize();
-        let side = turned(&line, arm_angle, &self.zero_side(&line));
+        let side = turned(&line, Angle::of(arm_angle), &self.zero_side(&line));
         Some(frame(&line, &side) * from.transpose())
-    }
-
-    /// Which way from the line to the wrist the elbow is, before the shoulder turns.
-    fn elbow_side(&self, reach: &Vector3<f64>, is_bent_positively: bool) -> Option<Vector3<f64>> {
-        let side = reach.cross(&self.elbow.axis).try_normalize(self.elbow.slack)?;
-        Some(if is_bent_positively { side } else { -side })
     }
 
     /// Where the elbow is at arm angle zero, from the line to the wrist.
@@ -235,7 +228,7 @@ fn posture(
     front: &Turns,
     bend: &Root,
     turns: &Turns,
-) -> ([f64; 7], (Configuration, Singularities)) {
+) -> ([Angle; 7], (Configuration, Singularities)) {
     let ([q1, q2, q3], [q5, q6, q7]) = (front.angles, turns.angles);
     let shoulder = match front.flip {
         Wrist::NoFlip => branch::Shoulder::Front,

@@ -9,6 +9,7 @@
 //! Elias, Wen, "IK-Geo: Unified Robot Inverse Kinematics Using Subproblem Decomposition", 2022.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::{Add, Neg, Sub};
 
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
@@ -16,15 +17,76 @@ use nalgebra::{Matrix3, Vector3};
 /// Two roots this near to each other, half the angle between them \[rad\], are one.
 const DOUBLE_ROOT_RAD: f64 = 1e-6;
 
-/// `vector` turned about `axis` by `angle` \[rad\].
-pub(super) fn turned(axis: &Vector3<f64>, angle: f64, vector: &Vector3<f64>) -> Vector3<f64> {
-    let (sin, cos) = angle.sin_cos();
+/// An angle with its sine and cosine, so that neither is calculated twice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Angle {
+    /// Value \[rad\], maybe with whole turns.
+    pub(super) rad: f64,
+    pub(super) sin: f64,
+    pub(super) cos: f64,
+}
+
+impl Angle {
+    const ZERO: Self = Self { rad: 0.0, sin: 0.0, cos: 1.0 };
+    const HALF_TURN: Self = Self { rad: PI, sin: 0.0, cos: -1.0 };
+
+    pub(super) fn of(rad: f64) -> Self {
+        let (sin, cos) = rad.sin_cos();
+        Self { rad, sin, cos }
+    }
+
+    /// The angle whose sine and cosine are in this proportion; zero if both are zero.
+    pub(super) fn towards(sin: f64, cos: f64) -> Self {
+        let norm = (sin * sin + cos * cos).sqrt();
+        if norm == 0.0 {
+            return Self::ZERO;
+        }
+        Self { rad: sin.atan2(cos), sin: sin / norm, cos: cos / norm }
+    }
+
+    /// The angle, or its negative if `sign` is negative.
+    pub(super) fn signed(self, sign: f64) -> Self {
+        if sign < 0.0 { -self } else { self }
+    }
+}
+
+impl Neg for Angle {
+    type Output = Self;
+
+    fn neg(self) -> Self {
+        Self { rad: -self.rad, sin: -self.sin, cos: self.cos }
+    }
+}
+
+impl Add for Angle {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            rad: self.rad + other.rad,
+            sin: self.sin * other.cos + self.cos * other.sin,
+            cos: self.cos * other.cos - self.sin * other.sin,
+        }
+    }
+}
+
+impl Sub for Angle {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        self + -other
+    }
+}
+
+/// `vector` turned about `axis` by `angle`.
+pub(super) fn turned(axis: &Vector3<f64>, angle: Angle, vector: &Vector3<f64>) -> Vector3<f64> {
+    let Angle { sin, cos, .. } = angle;
     vector * cos + axis.cross(vector) * sin + axis * (axis.dot(vector) * (1.0 - cos))
 }
 
-/// The matrix that turns about `axis` by `angle` \[rad\].
-pub(super) fn turning(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
-    let (sin, cos) = angle.sin_cos();
+/// The matrix that turns about `axis` by `angle`.
+pub(super) fn turning(axis: &Vector3<f64>, angle: Angle) -> Matrix3<f64> {
+    let Angle { sin, cos, .. } = angle;
     let (x, y, z) = (axis.x, axis.y, axis.z);
     let (s, v) = (axis * sin, axis * (1.0 - cos));
     Matrix3::new(
@@ -58,21 +120,24 @@ pub(super) fn any_across(axis: &Vector3<f64>) -> Vector3<f64> {
     across(axis, &other).normalize()
 }
 
-/// Subproblem 1: the turn about `axis` that brings `from` nearest to `onto` \[rad\].
+/// Subproblem 1: the turn about `axis` that brings `from` nearest to `onto`.
 ///
 /// Zero if one of them lies along the axis.
-pub(super) fn angle_between(axis: &Vector3<f64>, from: &Vector3<f64>, onto: &Vector3<f64>) -> f64 {
+pub(super) fn angle_between(
+    axis: &Vector3<f64>,
+    from: &Vector3<f64>,
+    onto: &Vector3<f64>,
+) -> Angle {
     // First across, so that short parts across keep their digits.
     let (from, onto) = (across(axis, from), across(axis, onto));
-    let (sin, cos) = (axis.dot(&from.cross(&onto)), from.dot(&onto));
-    sin.atan2(cos)
+    Angle::towards(axis.dot(&from.cross(&onto)), from.dot(&onto))
 }
 
 /// The height along one direction of a vector that turns: `amplitude cos(q - phase) + mean`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wave {
     pub(super) amplitude: f64,
-    pub(super) phase: f64,
+    pub(super) phase: Angle,
     pub(super) mean: f64,
 }
 
@@ -82,7 +147,12 @@ impl Wave {
         let mean = direction.dot(axis) * axis.dot(vector);
         let vector = across(axis, vector);
         let (cos, sin) = (direction.dot(&vector), direction.dot(&axis.cross(&vector)));
-        Self { amplitude: cos.hypot(sin), phase: sin.atan2(cos), mean }
+        Self { amplitude: (cos * cos + sin * sin).sqrt(), phase: Angle::towards(sin, cos), mean }
+    }
+
+    /// Where the wave is at its crest, or at its trough if `level` is negative.
+    pub(super) fn crest(&self, level: f64) -> Angle {
+        if level < 0.0 { self.phase + Angle::HALF_TURN } else { self.phase }
     }
 
     /// Where the wave has the given height; up to `slack` beyond its crest counts as the crest.
@@ -91,26 +161,17 @@ impl Wave {
         if self.amplitude <= slack && level.abs() <= slack {
             return Roots::Free;
         }
-        self.roots_of_sine(
-            level,
-            ((self.amplitude - level) * (self.amplitude + level)).sqrt(),
-            slack,
-        )
-    }
-
-    /// As [`roots`](Self::roots) for a height above the mean of `level`, at which
-    /// `amplitude sin(q - phase)` is known to be `sine` from a better source than the level.
-    pub(super) fn roots_of_sine(&self, level: f64, sine: f64, slack: f64) -> Roots {
         let gap = self.amplitude - level.abs();
         if gap < -slack || gap.is_nan() {
             return Roots::Beyond { excess: -gap };
         }
-        // Not a number, and so not above: the level is beyond the crest, within the slack.
+        // Not a number, and so not above, if the level is beyond the crest within the slack.
+        let sine = ((self.amplitude + level.abs()) * gap).sqrt();
         if sine > DOUBLE_ROOT_RAD * self.amplitude {
-            let half = sine.atan2(level);
+            let half = Angle::towards(sine, level);
             Roots::Two { falling: self.phase + half, rising: self.phase - half }
         } else {
-            Roots::Double(if level < 0.0 { self.phase + PI } else { self.phase })
+            Roots::Double(self.crest(level))
         }
     }
 }
@@ -123,15 +184,15 @@ pub(super) enum Roots {
     /// Everywhere, since the wave is flat.
     Free,
     /// At its crest or trough.
-    Double(f64),
+    Double(Angle),
     /// At two places.
-    Two { falling: f64, rising: f64 },
+    Two { falling: Angle, rising: Angle },
 }
 
 /// One place where a [`Wave`] has a height.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Root {
-    pub(super) angle: f64,
+    pub(super) angle: Angle,
     /// Whether the wave falls there; true as well where it does neither.
     pub(super) falls: bool,
     /// Whether the two roots are one, or all angles are roots.
@@ -139,13 +200,13 @@ pub(super) struct Root {
 }
 
 impl Roots {
-    /// The roots; `kept` stands for all of them if every angle is one.
+    /// The roots; `kept` \[rad\] stands for all of them if every angle is one.
     pub(super) fn each(&self, kept: f64) -> ArrayVec<Root, 2> {
         let mut roots = ArrayVec::new();
         let one = |angle| Root { angle, falls: true, singular: true };
         match *self {
             Self::Beyond { .. } => {}
-            Self::Free => roots.push(one(kept)),
+            Self::Free => roots.push(one(Angle::of(kept))),
             Self::Double(angle) => roots.push(one(angle)),
             Self::Two { falling, rising } => {
                 roots.push(Root { angle: falling, falls: true, singular: false });
@@ -186,8 +247,8 @@ mod tests {
         ) {
             let axis_of = nalgebra::Unit::new_unchecked(axis);
             let expected = nalgebra::Rotation3::from_axis_angle(&axis_of, angle) * vector;
-            prop_assert!((turned(&axis, angle, &vector) - expected).amax() < 1e-15);
-            prop_assert!((turning(&axis, angle) * vector - expected).amax() < 1e-15);
+            prop_assert!((turned(&axis, Angle::of(angle), &vector) - expected).amax() < 1e-15);
+            prop_assert!((turning(&axis, Angle::of(angle)) * vector - expected).amax() < 1e-15);
         }
 
         #[test]
@@ -196,9 +257,9 @@ mod tests {
         ) {
             prop_assume!(across(&axis, &from).norm() > 1e-3);
             // Off along the axis: what is left is the nearest turn.
-            let onto = turned(&axis, angle, &from) + axis * along;
+            let onto = turned(&axis, Angle::of(angle), &from) + axis * along;
             let found = angle_between(&axis, &from, &onto);
-            prop_assert!(wrapped(found - angle).abs() < 1e-11, "{found} for {angle}");
+            prop_assert!(wrapped(found.rad - angle).abs() < 1e-11, "{found:?} for {angle}");
         }
 
         #[test]
@@ -207,16 +268,16 @@ mod tests {
         ) {
             let wave = Wave::of(&to, &axis, &vector);
             prop_assume!(wave.amplitude > 1e-2);
-            let height = to.dot(&turned(&axis, angle, &vector));
+            let height = to.dot(&turned(&axis, Angle::of(angle), &vector));
             let roots = wave.roots(height, 1e-12).each(0.0);
             for root in &roots {
                 let error = to.dot(&turned(&axis, root.angle, &vector)) - height;
                 prop_assert!(error.abs() < 1e-12, "{root:?}: {error:e}");
-                let later = to.dot(&turned(&axis, root.angle + 1e-4, &vector));
+                let later = to.dot(&turned(&axis, root.angle + Angle::of(1e-4), &vector));
                 prop_assert!(root.singular || (later < height) == root.falls || error.abs() < 1e-7);
             }
             let nearest =
-                roots.iter().map(|root| wrapped(root.angle - angle).abs()).fold(PI, f64::min);
+                roots.iter().map(|root| wrapped(root.angle.rad - angle).abs()).fold(PI, f64::min);
             prop_assert!(nearest < 1e-6, "nearest root {nearest:e} away");
         }
 
@@ -225,6 +286,7 @@ mod tests {
             axes in prop::array::uniform2(direction()), angles in prop::array::uniform2(-PI..PI),
             vector in vector()
         ) {
+            let angles = angles.map(Angle::of);
             // Subproblem 2: first · second · vector = onto.
             let onto = turned(&axes[0], angles[0], &turned(&axes[1], angles[1], &vector));
             let wave = Wave::of(&axes[1], &-axes[0], &onto);
@@ -247,8 +309,19 @@ mod tests {
     }
 
     #[test]
+    fn angles_keep_sine_and_cosine_when_added_and_negated() {
+        let (a, b) = (Angle::of(2.0), Angle::towards(-3.0, 4.0));
+        for angle in [a + b, a - b, -a, b.signed(-1.0), b.signed(1.0), a + Angle::HALF_TURN] {
+            let expected = Angle::of(angle.rad);
+            assert!((angle.sin - expected.sin).abs() < 1e-15, "{angle:?}");
+            assert!((angle.cos - expected.cos).abs() < 1e-15, "{angle:?}");
+        }
+        assert_eq!(Angle::towards(0.0, 0.0), Angle::ZERO);
+    }
+
+    #[test]
     fn a_height_beyond_the_crest_is_refused_with_the_excess() {
-        let wave = Wave { amplitude: 2.0, phase: 0.5, mean: 1.0 };
+        let wave = Wave { amplitude: 2.0, phase: Angle::of(0.5), mean: 1.0 };
         assert_eq!(wave.roots(3.25, 1e-9), Roots::Beyond { excess: 0.25 });
         assert_eq!(wave.roots(-1.5, 1e-9), Roots::Beyond { excess: 0.5 });
         assert!(matches!(wave.roots(f64::NAN, 1e-9), Roots::Beyond { .. }));
@@ -256,13 +329,13 @@ mod tests {
 
     #[test]
     fn crest_trough_and_flat_waves_have_one_root() {
-        let wave = Wave { amplitude: 2.0, phase: 0.5, mean: 1.0 };
-        assert_eq!(wave.roots(3.0, 1e-9), Roots::Double(0.5));
-        assert_eq!(wave.roots(3.0 + 1e-10, 1e-9), Roots::Double(0.5));
-        assert_eq!(wave.roots(-1.0, 1e-9), Roots::Double(0.5 + PI));
-        let flat = Wave { amplitude: 1e-12, phase: 0.0, mean: 1.0 };
+        let wave = Wave { amplitude: 2.0, phase: Angle::of(0.5), mean: 1.0 };
+        assert_eq!(wave.roots(3.0, 1e-9), Roots::Double(Angle::of(0.5)));
+        assert_eq!(wave.roots(3.0 + 1e-10, 1e-9), Roots::Double(Angle::of(0.5)));
+        assert_eq!(wave.roots(-1.0, 1e-9).each(0.0)[0].angle.rad, 0.5 + PI);
+        let flat = Wave { amplitude: 1e-12, phase: Angle::ZERO, mean: 1.0 };
         assert_eq!(flat.roots(1.0, 1e-9), Roots::Free);
-        assert_eq!(flat.roots(1.0, 1e-9).each(0.25)[0].angle, 0.25);
+        assert_eq!(flat.roots(1.0, 1e-9).each(0.25)[0].angle, Angle::of(0.25));
     }
 
     #[test]
