@@ -143,8 +143,8 @@ impl Branches {
     /// Adds `branch`, unless it is there.
     pub(super) fn add(&mut self, branch: Branch) {
         let same = |other: &&mut Branch| {
-            let pairs = other.joint_position.iter().zip(branch.joint_position.iter());
-            pairs.fold(0.0, |most: f64, (a, b)| most.max(super::wrapped(a - b).abs())) < SAME_RAD
+            let mut pairs = other.joint_position.iter().zip(branch.joint_position.iter());
+            pairs.all(|(a, b)| super::wrapped(a - b).abs() < SAME_RAD)
         };
         if let Some(other) = self.branches.iter_mut().find(same) {
             other.singular.shoulder |= branch.singular.shoulder;

@@ -104,7 +104,7 @@ pub(super) fn turning(axis: &Vector3<f64>, angle: Angle) -> Matrix3<f64> {
 
 /// `angle` less the whole turns, in [-π, π] \[rad\].
 pub(super) fn wrapped(angle: f64) -> f64 {
-    angle - TAU * (angle / TAU).round()
+    if angle.abs() <= PI { angle } else { angle - TAU * (angle / TAU).round() }
 }
 
 /// `vector` without its part along `axis`.
@@ -341,7 +341,7 @@ mod tests {
     #[test]
     fn wrapping_takes_whole_turns_away() {
         assert!((wrapped(3.0 * PI + 0.25) - (0.25 - PI)).abs() < 1e-14);
-        assert_eq!(wrapped(-PI).abs(), PI);
+        assert_eq!(wrapped(-PI), -PI);
         assert!(wrapped(1e6).abs() <= PI);
     }
 }
