@@ -9,8 +9,10 @@ use super::chain::{self, Axis};
 use super::common::{Core, Selection};
 use super::error::{AnalyticError, BeyondLimit, BranchError, Mismatch};
 use super::fit::{Deviation, apart, long_enough, sign};
-use super::parts::{Elbow, Keep, Shoulder, Spherical, in_plane};
-use super::subproblem::{Angle, Root, Roots, angle_between, turned, turning};
+use super::parts::{Elbow, Keep, Shoulder, Spherical, Turns, in_plane};
+use super::subproblem::{
+    Angle, Root, Roots, Wave, across, angle_between, turned, turning, wrapped,
+};
 use crate::{JointLimits, RobotModel};
 
 /// Closed-form inverse kinematics of a six-axis arm: every posture that reaches a pose.
@@ -297,24 +299,57 @@ impl AnalyticArm {
         X_BT: &Isometry3<f64>,
         branches: &mut Branches,
     ) {
-        let Kind::ThreeParallel { axes, to_wrist_1, wrist_sign } = &self.kind else { return };
-        let Posture { R, root, p } = posture;
-        for turns in self.wrist.turns(R, Keep::Last(kept[5])) {
-            let [sum, q5, q6] = turns.angles;
-            let to_wrist_1 = turned(&axes[1], -q6, &turned(&axes[0], -q5, to_wrist_1));
-            let p = p + R * to_wrist_1;
-            let mut is_found = false;
-            for bend in self.bends(&p, kept, branches) {
-                let q2 = self.lift(&bend, &p, kept[1]);
-                let q4 = (sum - q2 - bend.angle.signed(self.elbow_sign)).signed(*wrist_sign);
-                let joints = [root.angle, q2, bend.angle, q4, q5, q6];
-                let letters = self.letters(root, &bend, turns.flip, turns.singular);
-                is_found |= self.core.offer(joints, letters, X_BT, branches);
+        for turns in self.wrist.turns(&posture.R, Keep::Last(kept[5])) {
+            let mut is_found = self.place_elbow(posture, &turns, kept, X_BT, branches);
+            if turns.singular && !is_found {
+                let reached = self.turns_within_reach(posture, &turns, kept[5]);
+                is_found = reached
+                    .is_some_and(|turns| self.place_elbow(posture, &turns, kept, X_BT, branches));
             }
             if is_found && turns.singular {
                 break;
             }
         }
+    }
+
+    /// Joints 2 to 4 of an arm with three parallel axes; whether they bring the tip there.
+    fn place_elbow(
+        &self,
+        posture: &Posture,
+        turns: &Turns,
+        kept: &[f64; 6],
+        X_BT: &Isometry3<f64>,
+        branches: &mut Branches,
+    ) -> bool {
+        let Kind::ThreeParallel { axes, to_wrist_1, wrist_sign } = &self.kind else { return false };
+        let Posture { R, root, p } = posture;
+        let [sum, q5, q6] = turns.angles;
+        let p = p + R * turned(&axes[1], -q6, &turned(&axes[0], -q5, to_wrist_1));
+        let mut is_found = false;
+        for bend in self.bends(&p, kept, branches) {
+            let q2 = self.lift(&bend, &p, kept[1]);
+            let q4 = (sum - q2 - bend.angle.signed(self.elbow_sign)).signed(*wrist_sign);
+            let joints = [root.angle, q2, bend.angle, q4, q5, q6];
+            let letters = self.letters(root, &bend, turns.flip, turns.singular);
+            is_found |= self.core.offer(joints, letters, X_BT, branches);
+        }
+        is_found
+    }
+
+    /// The turns of a singular wrist with joint 6 as near to `kept` as the elbow can reach.
+    ///
+    /// Joint 6 takes axis 4 round a circle: where that leaves the elbow's reach is subproblem 3.
+    fn turns_within_reach(&self, posture: &Posture, turns: &Turns, kept: f64) -> Option<Turns> {
+        let Kind::ThreeParallel { axes, to_wrist_1, .. } = &self.kind else { return None };
+        let centre = posture.R.tr_mul(&in_plane(&self.shoulder.normal, &posture.p));
+        let arm = across(&axes[1], &turned(&axes[0], -turns.angles[1], to_wrist_1));
+        let wave = Wave::of(&centre, &-axes[1], &arm);
+        let squares = centre.norm_squared() + arm.norm_squared();
+        let heights = self.elbow.limits().map(|limit| 0.5 * (limit * limit - squares));
+        let roots = heights.iter().flat_map(|&height| wave.roots(height, 0.0).each(kept));
+        let apart = |root: &Root| wrapped(root.angle.rad - kept).abs();
+        let q6 = roots.min_by(|a, b| apart(a).total_cmp(&apart(b)))?.angle.rad;
+        Some(self.wrist.kept(&posture.R, turns.angles[1], Keep::Last(q6)))
     }
 
     /// Values of joint 3 that bring the elbow's point to the distance of `p` from joint 2.

@@ -84,7 +84,8 @@ pub struct Singularities {
     /// Up and down meet: the arm is stretched or folded.
     pub elbow: bool,
     /// Flip and no-flip meet: the wrist's outer axes are parallel. A joint keeps the reference's
-    /// value: the first of a spherical wrist, joint 6 of an arm with three parallel axes.
+    /// value: the first of a spherical wrist, joint 6 of an arm with three parallel axes, or the
+    /// nearest that leaves the elbow within reach.
     pub wrist: bool,
 }
 

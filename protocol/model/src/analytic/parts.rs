@@ -75,6 +75,11 @@ impl Elbow {
         }
     }
 
+    /// The shortest and the longest distance that can be reached \[m\].
+    pub(super) const fn limits(&self) -> [f64; 2] {
+        [self.shortest, self.longest]
+    }
+
     /// Whether `reach` is that of an elbow bent positively, or stretched.
     pub(super) fn is_bent_positively(&self, reach: &Vector3<f64>) -> bool {
         self.axis.dot(&self.upper.cross(reach)) >= 0.0
@@ -187,7 +192,7 @@ impl Spherical {
     }
 
     /// Outer angles for a middle one at which their axes are parallel.
-    fn kept(&self, R: &Matrix3<f64>, middle: Angle, keep: Keep) -> Turns {
+    pub(super) fn kept(&self, R: &Matrix3<f64>, middle: Angle, keep: Keep) -> Turns {
         let axes = &self.axes;
         let angles = match keep {
             Keep::Last(last) => {
