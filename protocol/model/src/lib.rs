@@ -12,6 +12,7 @@
 
 mod inverse;
 mod clearance;
+mod analytic;
 mod joint_vector;
 mod kinematics;
 mod limits;
@@ -29,6 +30,10 @@ pub use clearance::{
     Accuracy, Body, BodyId, Capsule, ClearanceError, ClearanceWorkspace, CollisionScene,
     MissingShape, MotionCheck, MotionReport, MotionVerdict, Mount, Nearest, Owner, PairDistance,
     Placement, RobotId, SceneBuilder, StlError, TimedDistance, read_stl,
+pub use analytic::{
+    AnalyticArm, AnalyticError, ArmFamily, BeyondLimit, Branch, BranchError, Branches,
+    Configuration, Elbow, MAX_BRANCHES, Mismatch, Selection, SevenAxisArm, Shoulder, Singularities,
+    Wrist,
 };
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use kinematics::{
