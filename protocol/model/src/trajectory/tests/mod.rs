@@ -3,6 +3,7 @@
 mod interpolation;
 mod legality;
 mod moves;
+mod polynomials;
 mod profiles;
 mod ramps;
 mod refusals;
