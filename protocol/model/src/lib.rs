@@ -25,10 +25,11 @@ pub use robot_model::{
 };
 pub use time::MonoTime;
 pub use trajectory::{
-    AxisLimits, AxisProfile, AxisState, CompiledTrajectory, DEFAULT_JERK_TIME_S, Interpolation,
-    JointMove, JointMoveError, JointTrajectory, LIMIT_TOLERANCE, LimitedQuantity,
-    MIN_WAYPOINT_SPACING_S, MotionLimits, MotionLimitsError, MotionState, ProfileError,
-    REST_TOLERANCE, START_TIME_TOLERANCE_S, Sample, StopRamp, TrajectoryError, TrajectoryOptions,
-    Waypoint,
+    AxisLimits, AxisProfile, AxisState, CompiledTrajectory, DEFAULT_JERK_TIME_S, Ends,
+    Interpolation, JerkLimit, JointMove, JointMoveError, JointTrajectory, JointUnit,
+    LIMIT_TOLERANCE, LimitedQuantity, MIN_BLEND_S, MIN_WAYPOINT_SPACING_S, MotionLimits,
+    MotionLimitsError, MotionState, ProfileError, REST_TOLERANCE, START_TIME_TOLERANCE_S, Sample,
+    SegmentBounds, StopRamp, Tolerance, TrajectoryContext, TrajectoryError, TrajectoryOptions,
+    TrajectoryState, Waypoint,
 };
 pub use urdf::{Place, QuaternionFault, UrdfError, UrdfProblem};

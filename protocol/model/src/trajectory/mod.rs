@@ -19,30 +19,39 @@
 //! [`StopRamp`] is the exception: it must work whatever moved before, also where no curve is
 //! known, so it is a sequence of ticks that starts from the two last commands.
 
+mod blend;
+mod check;
 mod compiled;
-mod cubic;
+mod curve;
 mod error;
+mod interpolate;
 mod joint_move;
 mod motion_limits;
-#[cfg_attr(not(test), expect(dead_code, reason = "trajectories take it up in the next change"))]
+mod options;
 mod piece;
 mod profile;
 mod ramp;
 mod roots;
+mod spline;
+mod tolerance;
+mod units;
 mod validate;
 mod waypoints;
 
 #[cfg(test)]
 mod tests;
 
-pub use compiled::{CompiledTrajectory, Sample};
+pub use blend::MIN_BLEND_S;
+pub use compiled::{CompiledTrajectory, Sample, SegmentBounds, TrajectoryState};
 pub use error::{LimitedQuantity, TrajectoryError};
 pub use joint_move::{JointMove, JointMoveError, MotionState};
 pub use motion_limits::{AxisLimits, DEFAULT_JERK_TIME_S, MotionLimits, MotionLimitsError};
+pub use options::{Ends, JerkLimit, TrajectoryContext, TrajectoryOptions};
 pub use profile::{AxisProfile, AxisState, ProfileError};
 pub use ramp::StopRamp;
+pub use tolerance::Tolerance;
+pub use units::JointUnit;
 pub use validate::{
     LIMIT_TOLERANCE, MIN_WAYPOINT_SPACING_S, REST_TOLERANCE, START_TIME_TOLERANCE_S,
-    TrajectoryOptions,
 };
 pub use waypoints::{Interpolation, JointTrajectory, Waypoint};

@@ -165,6 +165,7 @@ mod tests {
             time_from_start_s,
             joint_position: (0..names.len()).map(|index| base + index as f64).collect(),
             joint_velocity: vec![0.5; names.len()],
+            ..Waypoint::default()
         };
         JointTrajectory {
             joint_names: names.iter().map(|name| (*name).to_owned()).collect(),
