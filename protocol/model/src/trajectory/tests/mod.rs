@@ -2,12 +2,15 @@
 
 mod interpolation;
 mod legality;
+mod linear;
 mod moves;
 mod payload;
 mod polynomials;
 mod profiles;
+mod quintic;
 mod ramps;
 mod refusals;
+mod refused_requests;
 
 use proptest::test_runner::{Config as ProptestConfig, RngSeed};
 
