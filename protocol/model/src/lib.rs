@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! URDF text --urdf--> RobotModel --kinematics--> poses of links
-//! waypoints --trajectory--> validated piecewise cubic --sample--> set-points
+//! waypoints --trajectory--> validated piecewise polynomial --sample--> set-points
 //! ```
 //!
 //! Invariants: nothing here reads a clock, a file or a socket; evaluating a model or a trajectory

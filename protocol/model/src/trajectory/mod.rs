@@ -13,8 +13,9 @@
 //! any phase, since `v_k` is a mean of the velocity over one period and `a_k` a weighted mean of
 //! the acceleration over two. It stays true across the change from one motion to the next as long
 //! as position and velocity of the *curves* are equal there: start a motion at the state that the
-//! one before it has at the last tick ([`JointMove::at`]), or at rest. Rounding adds at most some
-//! units in the last place of `x`, divided by `T²`.
+//! one before it has at the last tick ([`JointMove::at`], [`CompiledTrajectory::state_at`]), or at
+//! rest. Rounding adds at most some units in the last place of `x`, divided by `T²`. A trajectory
+//! compiled for [`Ends::InMotion`] is such a curve between its ends only.
 //!
 //! [`StopRamp`] is the exception: it must work whatever moved before, also where no curve is
 //! known, so it is a sequence of ticks that starts from the two last commands.
