@@ -14,7 +14,9 @@ pub(super) fn linear_root(&[c0, c1]: &[f64; 2]) -> Option<f64> {
 /// The roots of a parabola in ascending order, without cancellation, also where it is almost a
 /// line. A double root may be missed: the parabola does not change its sign there.
 pub(super) fn quadratic_roots(&[c, b, a]: &[f64; 3]) -> ArrayVec<f64, 2> {
-    let half = 0.5 * b;
+    // So that no square overflows; of all zeros comes not a number, which is no root.
+    let scale = 1.0 / a.abs().max(b.abs()).max(c.abs());
+    let (a, half, c) = (a * scale, 0.5 * b * scale, c * scale);
     let discriminant = half * half - a * c;
     let mut roots = ArrayVec::new();
     if discriminant >= 0.0 {
