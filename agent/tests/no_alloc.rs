@@ -17,8 +17,8 @@ use armada_agent::control::{
 };
 use armada_agent::drivers::{DriverRequest, Feedback};
 use armada_model::{
-    CompiledTrajectory, Interpolation, JointLimits, JointTrajectory, JointVector, MonoTime,
-    MotionLimits, TrajectoryOptions, Waypoint,
+    CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MonoTime, MotionLimits,
+    TrajectoryOptions, Waypoint,
 };
 use armada_protocol::messages::{CommandMode, OperationalMode, StopLevel};
 use arrayvec::ArrayVec;
@@ -94,7 +94,7 @@ fn trajectory(from: f64, to: f64) -> Arc<CompiledTrajectory> {
     let row = |time_from_start_s, value| Waypoint {
         time_from_start_s,
         joint_position: vec![value; JOINTS],
-        joint_velocity: Vec::new(),
+        ..Waypoint::default()
     };
     let waypoints = (0..=20).map(|k| {
         let share = f64::from(k) / 20.0;
@@ -103,7 +103,7 @@ fn trajectory(from: f64, to: f64) -> Arc<CompiledTrajectory> {
     let wanted = JointTrajectory {
         joint_names: names.clone(),
         waypoints: waypoints.collect(),
-        interpolation: Interpolation::CubicSpline,
+        ..JointTrajectory::default()
     };
     let limits = MotionLimits::new(&params().limits).expect("complete");
     let options = TrajectoryOptions::default();

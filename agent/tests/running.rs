@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;
 
 use armada_agent::runtime::{Agent, AgentError};
-use armada_model::{Interpolation, JointTrajectory, JointVector, Waypoint};
+use armada_model::{JointTrajectory, JointVector, Waypoint};
 use armada_protocol::messages::*;
 use armada_protocol::method::robot::{
     Abort, Cancel, Commit, ExecuteTrajectory, Halt, JogFreespace, Prepare, Reset, ResetErrors,
@@ -42,12 +42,12 @@ fn turn(from: f64, to: f64, duration_s: f64) -> JointTrajectory {
     let waypoint = |time_from_start_s, first| {
         let mut joint_position = READY.to_vec();
         joint_position[0] = first;
-        Waypoint { time_from_start_s, joint_position, joint_velocity: Vec::new() }
+        Waypoint { time_from_start_s, joint_position, ..Waypoint::default() }
     };
     JointTrajectory {
         joint_names: names.map(str::to_owned).to_vec(),
         waypoints: vec![waypoint(0.0, from), waypoint(duration_s, to)],
-        interpolation: Interpolation::CubicSpline,
+        ..JointTrajectory::default()
     }
 }
 

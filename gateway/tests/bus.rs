@@ -5,7 +5,7 @@ mod common;
 use std::time::Duration;
 
 use armada_gateway::{GatewayError, GatewayOptions, run};
-use armada_model::{Interpolation, JointTrajectory, Waypoint};
+use armada_model::{JointTrajectory, Waypoint};
 use armada_protocol::client::{Client, ClientError};
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::keys::{self, Key, Kind, Owner};
@@ -25,10 +25,10 @@ fn trajectory(robots: &[&str]) -> JointTrajectory {
     let row = |time_from_start_s| Waypoint {
         time_from_start_s,
         joint_position: vec![0.0; joint_names.len()],
-        joint_velocity: Vec::new(),
+        ..Waypoint::default()
     };
-    let (waypoints, interpolation) = (vec![row(0.0), row(1.0)], Interpolation::CubicSpline);
-    JointTrajectory { waypoints, interpolation, joint_names }
+    let waypoints = vec![row(0.0), row(1.0)];
+    JointTrajectory { waypoints, joint_names, ..JointTrajectory::default() }
 }
 
 fn stop_request() -> StopRequest {

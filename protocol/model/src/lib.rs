@@ -5,6 +5,7 @@
 //! base and tip --Chain--> pose, Jacobian and twist of a tool; joint velocities for a twist
 //! pose --InverseKinematics--> joint positions, or what is in the way
 //! waypoints --trajectory--> validated piecewise cubic --sample--> set-points
+//! waypoints --trajectory--> validated piecewise polynomial --sample--> set-points
 //! ```
 //!
 //! Invariants: nothing here reads a clock, a file or a socket; evaluating a model or a trajectory
@@ -52,11 +53,12 @@ pub use srdf::{
 };
 pub use time::MonoTime;
 pub use trajectory::{
-    AxisLimits, AxisProfile, AxisState, CompiledTrajectory, DEFAULT_JERK_TIME_S, Interpolation,
-    JointMove, JointMoveError, JointTrajectory, LIMIT_TOLERANCE, LimitedQuantity,
-    MIN_WAYPOINT_SPACING_S, MotionLimits, MotionLimitsError, MotionState, ProfileError,
-    REST_TOLERANCE, START_TIME_TOLERANCE_S, Sample, StopRamp, TrajectoryError, TrajectoryOptions,
-    Waypoint,
+    AxisLimits, AxisProfile, AxisState, CompiledTrajectory, DEFAULT_JERK_TIME_S, Ends,
+    Interpolation, JerkLimit, JointMove, JointMoveError, JointTrajectory, JointUnit,
+    LIMIT_TOLERANCE, LimitedQuantity, MIN_BLEND_S, MIN_WAYPOINT_SPACING_S, MotionLimits,
+    MotionLimitsError, MotionState, ProfileError, REST_TOLERANCE, START_TIME_TOLERANCE_S, Sample,
+    SegmentBounds, StopRamp, Tolerance, TrajectoryContext, TrajectoryError, TrajectoryOptions,
+    TrajectoryState, Waypoint,
 };
 pub use urdf::{
     Place, QuaternionFault, UrdfDoubt, UrdfError, UrdfProblem, UrdfReport, UrdfWarning,

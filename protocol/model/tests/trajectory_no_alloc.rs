@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use armada_model::{
-    CompiledTrajectory, Interpolation, JointLimits, JointMove, JointTrajectory, JointVector,
+    CompiledTrajectory, Ends, Interpolation, JointLimits, JointMove, JointTrajectory, JointVector,
     MAX_JOINTS, MotionLimits, MotionState, StopRamp, TrajectoryOptions, Waypoint,
 };
 use counting_allocator::allocations_of;
@@ -42,23 +42,36 @@ fn sampling_a_trajectory_allocates_nothing() {
         .map(|index| Waypoint {
             time_from_start_s: index * 0.1,
             joint_position: vec![0.5 - 0.5 * (index * 0.1).cos(); MAX_JOINTS],
-            joint_velocity: Vec::new(),
+            position_tolerance: vec![0.1; MAX_JOINTS],
+            ..Waypoint::default()
         })
         .collect();
-    let asked = JointTrajectory {
-        joint_names: names.clone(),
-        waypoints,
-        interpolation: Interpolation::CubicSpline,
-    };
-    let options = TrajectoryOptions::default();
-    let compiled = CompiledTrajectory::compile(&asked, &names, &limits(), &options).expect("legal");
-    let mut hint = 0;
-    let count = allocations_of(|| {
-        for tick in -10..11_000 {
-            black_box(compiled.sample(f64::from(tick) * 1e-3, &mut hint));
-        }
-    });
-    assert_eq!(count, 0);
+    let mut asked =
+        JointTrajectory { joint_names: names.clone(), waypoints, ..JointTrajectory::default() };
+    let options = TrajectoryOptions { ends: Ends::InMotion, ..TrajectoryOptions::default() };
+    for interpolation in [
+        Interpolation::CubicSpline,
+        Interpolation::CubicSplineNatural,
+        Interpolation::JointLinear,
+        Interpolation::QuinticHermite,
+    ] {
+        asked.interpolation = interpolation;
+        let compiled =
+            CompiledTrajectory::compile(&asked, &names, &limits(), &options).expect("legal");
+        let mut hint = 0;
+        let count = allocations_of(|| {
+            for tick in -10..11_000 {
+                let t_s = f64::from(tick) * 1e-3;
+                let sample = black_box(compiled.sample(t_s, &mut hint));
+                black_box(compiled.tolerance(sample.waypoint));
+                black_box(compiled.state_at(t_s, &mut hint));
+                black_box(compiled.jerk_at(t_s, &mut hint));
+                black_box(compiled.segments_at(t_s, &mut hint).next());
+            }
+            black_box(compiled.end_state());
+        });
+        assert_eq!(count, 0, "{interpolation}");
+    }
 }
 
 #[test]

@@ -12,7 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .messages import JointLimits, JointTrajectory, JointVector, RobotInfo, RobotState, joint_vector
+from .messages import (
+    JointLimits,
+    JointTrajectory,
+    JointUnit,
+    JointVector,
+    RobotInfo,
+    RobotState,
+    Waypoint,
+    joint_vector,
+)
 
 SHORTEST_S = 0.1
 """Shortest move [s]; also how long a move takes that goes nowhere."""
@@ -110,25 +119,45 @@ def _check_duration(parts: Sequence[Part], duration_s: float) -> float:
 def for_cell(trajectories: Mapping[str, JointTrajectory]) -> JointTrajectory:
     """One trajectory of several robots from one per robot; joints become `robot/joint`.
 
-    Raises `ValueError` if the waypoints are not at equal times or not all have velocities.
+    Raises `ValueError` if the waypoints are not at equal times, not all are interpolated alike, or
+    at one waypoint some have velocities, accelerations or tolerances and some have not.
     """
     if not trajectories:
         raise ValueError("a trajectory needs at least one robot")
-    names = [
-        f"{robot}/{joint}" for robot, part in trajectories.items() for joint in part.joint_names
-    ]
-    columns = list(zip(*(part.waypoints for part in trajectories.values()), strict=False))
-    times = [[point.time_from_start_s for point in t.waypoints] for t in trajectories.values()]
+    robots = ", ".join(trajectories)
+    parts = list(trajectories.values())
+    times = [[point.time_from_start_s for point in part.waypoints] for part in parts]
     if any(row != times[0] for row in times):
-        raise ValueError(f"{', '.join(trajectories)}: waypoints must be at equal times")
-    positions = [np.concatenate([point.joint_position for point in row]) for row in columns]
-    given = [point.joint_velocity for row in columns for point in row]
-    velocities = None
-    if any(row is not None for row in given):
-        if any(row is None for row in given):
-            raise ValueError(f"{', '.join(trajectories)}: all must have velocities, or none")
-        velocities = [
-            np.concatenate([p.joint_velocity for p in row if p.joint_velocity is not None])
-            for row in columns
-        ]
-    return JointTrajectory.from_arrays(names, times[0], positions, velocities)
+        raise ValueError(f"{robots}: waypoints must be at equal times")
+    if any(part.interpolation != parts[0].interpolation for part in parts):
+        raise ValueError(f"{robots}: all must have the same interpolation")
+    units: list[JointUnit] = []
+    if any(part.joint_units for part in parts):
+        for part in parts:
+            units += part.joint_units or [JointUnit.IMPLICIT] * len(part.joint_names)
+    rows = zip(*(part.waypoints for part in parts), strict=True)
+    return JointTrajectory(
+        joint_names=tuple(
+            f"{robot}/{joint}" for robot, part in trajectories.items() for joint in part.joint_names
+        ),
+        joint_units=tuple(units),
+        waypoints=tuple(_side_by_side(row, robots) for row in rows),
+        interpolation=parts[0].interpolation,
+    )
+
+
+def _side_by_side(points: Sequence[Waypoint], robots: str) -> Waypoint:
+    def joined(what: str, rows: Sequence[JointVector | None]) -> JointVector | None:
+        given = [row for row in rows if row is not None]
+        if given and len(given) < len(rows):
+            raise ValueError(f"{robots}: all must have {what}, or none")
+        return joint_vector(np.concatenate(given), what) if given else None
+
+    return Waypoint(
+        time_from_start_s=points[0].time_from_start_s,
+        joint_position=joint_vector(np.concatenate([point.joint_position for point in points])),
+        joint_velocity=joined("velocities", [point.joint_velocity for point in points]),
+        joint_acceleration=joined("accelerations", [point.joint_acceleration for point in points]),
+        position_tolerance=joined("position_tolerance", [p.position_tolerance for p in points]),
+        velocity_tolerance=joined("velocity_tolerance", [p.velocity_tolerance for p in points]),
+    )

@@ -17,8 +17,10 @@ from armada.messages import (
     CommandMode,
     Denial,
     DenialCode,
+    Interpolation,
     JogFreespaceParams,
     JointTrajectory,
+    JointUnit,
     RobotFlags,
     RobotState,
     StopAck,
@@ -131,6 +133,16 @@ def test_a_trajectory_from_arrays_has_a_row_per_waypoint() -> None:
         ],
         "interpolation": "cubic_spline",
     }
+
+
+def test_units_and_tolerances_are_written_only_where_they_are_given() -> None:
+    text = b"""{"joint_names":["a"],"joint_units":["degree"],"waypoints":[{"time_from_start_s":0.0,
+        "joint_position":[1.0],"joint_acceleration":[2.0],"position_tolerance":[3.0],
+        "velocity_tolerance":[4.0]}],"interpolation":"quintic_hermite"}"""
+    trajectory = codec.decode(JointTrajectory, text)
+    assert trajectory.joint_units == (JointUnit.DEGREE,)
+    assert trajectory.interpolation is Interpolation.QUINTIC_HERMITE
+    assert json.loads(codec.encode(trajectory)) == json.loads(text)
 
 
 def test_a_trajectory_of_the_wrong_shape_is_refused_with_both_shapes() -> None:

@@ -5,8 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armada import JointTrajectory, for_cell
-from armada.messages import JointInfo, JointLimits, JointType, JointVector, RobotInfo
+from armada import for_cell
+from armada.messages import (
+    Interpolation,
+    JointInfo,
+    JointLimits,
+    JointTrajectory,
+    JointType,
+    JointUnit,
+    JointVector,
+    RobotInfo,
+    Waypoint,
+)
 from armada.moves import SHORTEST_S, Part, cell_move, joint_duration
 
 from .fleet import robot_info
@@ -96,6 +106,41 @@ def test_trajectories_of_which_one_has_velocities_are_not_put_together() -> None
     left = JointTrajectory.from_arrays(["a"], [0.0], [[0.0]])
     right = JointTrajectory.from_arrays(["a"], [0.0], [[0.0]], [[0.0]])
     with pytest.raises(ValueError, match="velocities, or none"):
+        for_cell({"left": left, "right": right})
+
+
+def test_units_and_tolerances_and_the_interpolation_stay_what_they_are() -> None:
+    def one(*units: JointUnit) -> JointTrajectory:
+        waypoint = Waypoint(
+            time_from_start_s=0.0,
+            joint_position=np.array([1.0]),
+            joint_acceleration=np.array([2.0]),
+            position_tolerance=np.array([3.0]),
+        )
+        return JointTrajectory(
+            joint_names=("a",),
+            joint_units=units,
+            waypoints=(waypoint,),
+            interpolation=Interpolation.QUINTIC_HERMITE,
+        )
+
+    both = for_cell({"left": one(), "right": one(JointUnit.DEGREE)})
+    assert both.joint_units == (JointUnit.IMPLICIT, JointUnit.DEGREE)
+    assert both.interpolation == Interpolation.QUINTIC_HERMITE
+    [waypoint] = both.waypoints
+    assert waypoint.joint_acceleration is not None
+    assert waypoint.joint_acceleration.tolist() == [2.0, 2.0]
+    assert waypoint.position_tolerance is not None
+    assert waypoint.position_tolerance.tolist() == [3.0, 3.0]
+    assert waypoint.velocity_tolerance is None
+
+
+def test_trajectories_of_unlike_interpolation_are_not_put_together() -> None:
+    left = JointTrajectory.from_arrays(["a"], [0.0], [[0.0]])
+    right = JointTrajectory(
+        joint_names=("a",), waypoints=left.waypoints, interpolation=Interpolation.JOINT_LINEAR
+    )
+    with pytest.raises(ValueError, match="same interpolation"):
         for_cell({"left": left, "right": right})
 
 

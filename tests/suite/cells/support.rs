@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use anyhow::Result;
-use armada_model::{Interpolation, JointTrajectory, Waypoint};
+use armada_model::{JointTrajectory, Waypoint};
 use armada_protocol::client::Client;
 use armada_protocol::messages::{
     Accepted, CellExecuteTrajectory, CellMotionStatus, StopLevel, StopRequest, StopScope,
@@ -33,12 +33,12 @@ pub(crate) fn both_arms(angle_rad: f64, duration_s: f64) -> JointTrajectory {
     let waypoint = |time_from_start_s, joint_position| Waypoint {
         time_from_start_s,
         joint_position,
-        joint_velocity: Vec::new(),
+        ..Waypoint::default()
     };
     JointTrajectory {
         joint_names,
         waypoints: vec![waypoint(0.0, start), waypoint(duration_s, goal)],
-        interpolation: Interpolation::CubicSpline,
+        ..JointTrajectory::default()
     }
 }
 

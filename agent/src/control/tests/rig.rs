@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{
-    CompiledTrajectory, Interpolation, JointLimits, JointTrajectory, JointVector, MonoTime,
-    MotionLimits, TrajectoryOptions, Waypoint,
+    CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MonoTime, MotionLimits,
+    TrajectoryOptions, Waypoint,
 };
 use armada_protocol::messages::{
     ActionStatus, CommandMode, FaultCode, OperationalMode, StopLevel, StopStage,
@@ -60,12 +60,12 @@ pub(super) fn trajectory(rows: &[(f64, [f64; JOINTS])]) -> Arc<CompiledTrajector
     let waypoints = rows.iter().map(|(time, row)| Waypoint {
         time_from_start_s: *time,
         joint_position: row.to_vec(),
-        joint_velocity: Vec::new(),
+        ..Waypoint::default()
     });
     let trajectory = JointTrajectory {
         joint_names: names.map(str::to_owned).to_vec(),
         waypoints: waypoints.collect(),
-        interpolation: Interpolation::CubicSpline,
+        ..JointTrajectory::default()
     };
     let limits = MotionLimits::new(&params().limits).expect("complete limits");
     let options = TrajectoryOptions::default();

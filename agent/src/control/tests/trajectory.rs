@@ -240,7 +240,7 @@ fn a_trajectory_of_another_number_of_joints_is_refused() {
     let row = |time_from_start_s| Waypoint {
         time_from_start_s,
         joint_position: vec![0.0; 2],
-        joint_velocity: Vec::new(),
+        ..Waypoint::default()
     };
     let two = JointTrajectory {
         joint_names: ["a", "b"].map(str::to_owned).to_vec(),

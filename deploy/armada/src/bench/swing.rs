@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use armada_model::{Interpolation, JointTrajectory, JointVector, Waypoint};
+use armada_model::{JointTrajectory, JointVector, Waypoint};
 
 use super::robot_file::JOINTS;
 
@@ -45,13 +45,13 @@ fn sampled(from: JointVector, middle: JointVector, times: u32, waypoints: u32) -
         Waypoint {
             time_from_start_s: cycles * PERIOD.as_secs_f64(),
             joint_position: from.iter().zip(&reaches).map(|(x, reach)| x + reach * share).collect(),
-            joint_velocity: Vec::new(),
+            ..Waypoint::default()
         }
     };
     JointTrajectory {
         joint_names: JOINTS.map(str::to_owned).to_vec(),
         waypoints: (0..waypoints).map(waypoint).collect(),
-        interpolation: Interpolation::CubicSpline,
+        ..JointTrajectory::default()
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use armada_model::{Interpolation, JointTrajectory, MonoTime, Waypoint};
+use armada_model::{JointTrajectory, MonoTime, Waypoint};
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
     CellMotionStatus, CellStatus, Denial, DenialCode, Event, StopLevel, StopRequest, StopScope,
@@ -69,10 +69,10 @@ pub(super) fn trajectory(robots: &[&str]) -> JointTrajectory {
     let row = |time_from_start_s| Waypoint {
         time_from_start_s,
         joint_position: vec![0.0; joint_names.len()],
-        joint_velocity: Vec::new(),
+        ..Waypoint::default()
     };
-    let (waypoints, interpolation) = (vec![row(0.0), row(2.0)], Interpolation::CubicSpline);
-    JointTrajectory { waypoints, interpolation, joint_names }
+    let waypoints = vec![row(0.0), row(2.0)];
+    JointTrajectory { waypoints, joint_names, ..JointTrajectory::default() }
 }
 
 pub(super) fn stop_request(id: u128, scope: StopScope) -> StopRequest {

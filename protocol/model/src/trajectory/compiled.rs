@@ -1,28 +1,65 @@
 //! A trajectory that was found legal, ready to be sampled.
 
-use super::cubic::{Cubic, Knot, clamped_spline_slopes};
-use super::error::{LimitedQuantity, TrajectoryError};
-use super::motion_limits::{AxisLimits, MotionLimits};
-use super::validate::{self, Knots, LIMIT_TOLERANCE, TrajectoryOptions};
-use super::waypoints::{Interpolation, JointTrajectory};
+use super::check::{self, BOUNDS};
+use super::curve::{Curve, Place};
+use super::error::TrajectoryError;
+use super::interpolate;
+use super::motion_limits::MotionLimits;
+use super::options::{Ends, TrajectoryContext, TrajectoryOptions};
+use super::tolerance::{Tolerance, Tolerances};
+use super::validate::{self, REST_TOLERANCE};
+use super::waypoints::JointTrajectory;
 use crate::JointVector;
 
-/// How many segments a sample looks ahead of its hint before it searches.
-const LOOK_AHEAD: usize = 4;
-
-/// A piecewise cubic motion of all joints of one robot from rest to rest, inside all limits.
+/// A piecewise polynomial motion of all joints of one robot, inside all limits, from rest to rest
+/// if nothing else was asked for.
 ///
 /// That it exists means that it is legal: the extremes of position, velocity and acceleration of
 /// every joint were found exactly and lie within the limits. Sampling does not allocate.
+///
+/// ```
+/// use armada_model::{
+///     CompiledTrajectory, JointLimits, JointTrajectory, JointType, JointUnit, MotionLimits,
+///     TrajectoryContext, TrajectoryOptions, Waypoint,
+/// };
+///
+/// let row = |time_from_start_s, angle| Waypoint {
+///     time_from_start_s,
+///     joint_position: vec![angle],
+///     ..Waypoint::default()
+/// };
+/// let trajectory = JointTrajectory {
+///     joint_names: vec!["elbow".to_owned()],
+///     joint_units: vec![JointUnit::Degree],
+///     waypoints: vec![row(0.0, 0.0), row(2.0, 90.0)],
+///     ..JointTrajectory::default()
+/// };
+/// let limit = JointLimits { velocity: 2.0, acceleration: Some(5.0), ..JointLimits::default() };
+/// let context = TrajectoryContext {
+///     joint_order: &["elbow"],
+///     joint_types: Some(&[JointType::Revolute]),
+///     limits: &MotionLimits::new(&[limit])?,
+/// };
+/// let options = TrajectoryOptions::default();
+/// let motion = CompiledTrajectory::compile_for(&trajectory, &context, &options)?;
+///
+/// let mut hint = 0;
+/// let half_way = motion.sample(1.0, &mut hint);
+/// assert!((half_way.position[0] - 45.0_f64.to_radians()).abs() < 1e-12);
+/// let state = motion.state_at(1.0, &mut hint);
+/// assert!(state.acceleration[0].abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompiledTrajectory {
     start: JointVector,
     end: JointVector,
-    /// Time of each waypoint \[s\]; at least two.
-    times: Vec<f64>,
-    /// Per segment four rows of one value per joint: all `c0`, all `c1`, all `c2`, all `c3`. A
-    /// sample reads one contiguous piece, and one row at a time, as vector instructions want it.
-    coefficients: Vec<f64>,
+    end_velocity: JointVector,
+    waypoints: usize,
+    curve: Curve,
+    /// Per segment three rows of one value per joint, see [`SegmentBounds`].
+    bounds: Vec<f64>,
+    tolerances: Tolerances,
 }
 
 /// What a trajectory asks for at one time.
@@ -36,60 +73,96 @@ pub struct Sample {
     pub waypoint: usize,
 }
 
+/// A [`Sample`] with accelerations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrajectoryState {
+    /// Position of each joint \[rad or m\].
+    pub position: JointVector,
+    /// Velocity of each joint \[rad/s or m/s\].
+    pub velocity: JointVector,
+    /// Acceleration of each joint \[rad/s² or m/s²\]; where it jumps, that after the jump.
+    pub acceleration: JointVector,
+    /// Index of the last waypoint whose time has come.
+    pub waypoint: usize,
+}
+
+/// A segment of a [`CompiledTrajectory`], on which every joint follows one polynomial, and the
+/// exact highest magnitudes on it. Slices hold one value per joint, in the robot's joint order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SegmentBounds<'a> {
+    /// When it begins \[s since the start\].
+    pub start_s: f64,
+    /// How long it takes \[s\].
+    pub length_s: f64,
+    /// Index of the last waypoint whose time has come when it begins.
+    pub waypoint: usize,
+    /// Highest speed \[rad/s or m/s\].
+    pub velocity: &'a [f64],
+    /// Highest magnitude of acceleration \[rad/s² or m/s²\].
+    pub acceleration: &'a [f64],
+    /// Highest magnitude of jerk \[rad/s³ or m/s³\].
+    pub jerk: &'a [f64],
+}
+
 impl CompiledTrajectory {
-    /// Validates and interpolates `trajectory` for the robot whose joints are `joint_order`, with
-    /// `limits` in the same order. Its joint names may come in any order.
+    /// [`compile_for`](Self::compile_for) a robot whose joint types are not known.
     ///
     /// # Errors
-    /// The first [`TrajectoryError`] that applies, in the order of the checks: names, number and
-    /// shape of the waypoints, times, finite values, rest at both ends, limits. Of several
-    /// violations of limits it is the earliest by segment, then by joint.
+    /// As there. [`TrajectoryError::UnitUnknownType`] also for units that would be right.
     pub fn compile(
         trajectory: &JointTrajectory,
         joint_order: &[impl AsRef<str>],
         limits: &MotionLimits,
         options: &TrajectoryOptions,
     ) -> Result<Self, TrajectoryError> {
-        if joint_order.len() != limits.len() {
-            let (joints, limits) = (joint_order.len(), limits.len());
-            return Err(TrajectoryError::LimitCount { joints, limits });
+        let context = TrajectoryContext { joint_order, joint_types: None, limits };
+        Self::compile_for(trajectory, &context, options)
+    }
+
+    /// Validates and interpolates `trajectory` for the robot that `context` describes. Its joint
+    /// names may come in any order.
+    ///
+    /// # Errors
+    /// The first [`TrajectoryError`] that applies, in the order of the checks: names and units,
+    /// number and shape of the waypoints, times, finite values, rest at both ends, tolerances,
+    /// blends, limits. Of several violations of limits it is the earliest by segment, then by
+    /// joint; jumps of acceleration come last.
+    pub fn compile_for<S: AsRef<str>>(
+        trajectory: &JointTrajectory,
+        context: &TrajectoryContext<'_, S>,
+        options: &TrajectoryOptions,
+    ) -> Result<Self, TrajectoryError> {
+        let limits = context.limits;
+        let names: Vec<&str> = context.joint_order.iter().map(AsRef::as_ref).collect();
+        let joints = names.len();
+        if joints != limits.len() {
+            return Err(TrajectoryError::LimitCount { joints, limits: limits.len() });
         }
-        let Knots { times, positions, velocities } =
-            validate::knots(trajectory, joint_order, options)?;
-        let joints = limits.len();
-        let slopes = velocities.unwrap_or_else(|| match trajectory.interpolation {
-            Interpolation::CubicSpline => clamped_spline_slopes(&times, &positions, joints),
-        });
-        let mut coefficients = vec![0.0; 4 * joints * (times.len() - 1)];
-        let segments = coefficients.chunks_exact_mut(4 * joints);
-        for (segment, (rows, ends)) in segments.zip(times.windows(2)).enumerate() {
-            for (joint, axis) in limits.iter().enumerate() {
-                let from = segment * joints + joint;
-                let knot = |at: usize| Knot { position: positions[at], slope: slopes[at] };
-                let cubic = Cubic::hermite(ends[1] - ends[0], knot(from), knot(from + joints));
-                if let Some(violation) = violation(&cubic, axis) {
-                    let joint = validate::name(joint_order, joint);
-                    return Err(violation.into_error(joint, segment, ends[0]));
-                }
-                for (power, coefficient) in cubic.coefficients.into_iter().enumerate() {
-                    rows[power * joints + joint] = coefficient;
-                }
-            }
+        if let Some(types) = context.joint_types.map(<[_]>::len).filter(|&types| types != joints) {
+            return Err(TrajectoryError::TypeCount { joints, types });
         }
-        let (start, end) = (row(&positions, joints, 0), row(&positions, joints, times.len() - 1));
-        Ok(Self { start, end, times, coefficients })
+        let knots = validate::knots(trajectory, &names, context, options)?;
+        let waypoints = knots.times.len();
+        let start = row(&knots.positions, joints, 0);
+        let end = row(&knots.positions, joints, waypoints - 1);
+        let tolerances = knots.tolerances.clone();
+        let interpolation = trajectory.interpolation;
+        let curve = interpolate::curve(interpolation, knots, &names, limits, options.ends)?;
+        let bounds = check::check(&curve, &names, limits, options)?;
+        let end_velocity = end_velocity(&curve, end, options.ends);
+        Ok(Self { start, end, end_velocity, waypoints, curve, bounds, tolerances })
     }
 
     /// Time of the last waypoint \[s\].
     #[must_use]
     pub fn duration_s(&self) -> f64 {
-        self.times.last().copied().unwrap_or_default()
+        self.curve.duration_s()
     }
 
     /// Number of waypoints, two at least.
     #[must_use]
     pub const fn waypoint_count(&self) -> usize {
-        self.times.len()
+        self.waypoints
     }
 
     /// Number of joints, one at least.
@@ -110,107 +183,132 @@ impl CompiledTrajectory {
         self.end
     }
 
-    /// The motion at `t_s` \[s since its start\]: at rest at the first waypoint before zero (and
-    /// for not a number), at rest at exactly the last waypoint from the duration on.
+    /// The motion at `t_s` \[s since its start\]: before zero (and for not a number) as at the
+    /// first waypoint, from the duration on as at exactly the last. It rests there, unless it was
+    /// compiled for [`Ends::InMotion`]; then the velocity there is that of the end, and there is
+    /// no motion to sample outside.
     ///
     /// `hint` holds where the last sample was found; begin with zero. While time goes on by small
     /// steps the cost does not depend on the number of waypoints; for any other it is its logarithm.
     #[must_use]
     pub fn sample(&self, t_s: f64, hint: &mut usize) -> Sample {
-        if t_s >= self.duration_s() {
-            *hint = self.times.len().saturating_sub(2);
+        let Some(place) = self.locate(t_s, hint) else {
             return Sample {
                 position: self.end,
-                velocity: self.end.map_indexed(|_, _| 0.0),
-                waypoint: self.times.len() - 1,
+                velocity: self.end_velocity,
+                waypoint: self.waypoints - 1,
             };
-        }
-        let t_s = t_s.max(0.0);
-        let segment = self.segment_at(t_s, *hint);
-        *hint = segment;
-        let u = t_s - self.times[segment];
-        let joints = self.joint_count();
-        let rows = &self.coefficients[4 * joints * segment..][..4 * joints];
-        let (low, high) = rows.split_at(2 * joints);
-        let ((c0, c1), (c2, c3)) = (low.split_at(joints), high.split_at(joints));
+        };
         let (mut position, mut velocity) = (self.start, self.start);
-        for (joint, (x, v)) in position.iter_mut().zip(velocity.iter_mut()).enumerate() {
-            *x = c0[joint] + u * (c1[joint] + u * (c2[joint] + u * c3[joint]));
-            *v = c1[joint] + u * (2.0 * c2[joint] + u * 3.0 * c3[joint]);
+        self.curve.motion(place, &mut position, &mut velocity);
+        Sample { position, velocity, waypoint: self.curve.waypoint(place.segment) }
+    }
+
+    /// [`sample`](Self::sample) with accelerations, which are zero before zero and from the
+    /// duration on. What they are just before the end tells [`end_state`](Self::end_state).
+    #[must_use]
+    pub fn state_at(&self, t_s: f64, hint: &mut usize) -> TrajectoryState {
+        let Some(place) = self.locate(t_s, hint) else {
+            return TrajectoryState { acceleration: self.zeros(), ..self.end_state() };
+        };
+        let (mut position, mut velocity) = (self.start, self.start);
+        self.curve.motion(place, &mut position, &mut velocity);
+        let acceleration =
+            if t_s >= 0.0 { self.curve.acceleration(place, self.start) } else { self.zeros() };
+        let waypoint = self.curve.waypoint(place.segment);
+        TrajectoryState { position, velocity, acceleration, waypoint }
+    }
+
+    /// Jerk of each joint \[rad/s³ or m/s³\] at `t_s`, zero outside of the motion. Jumps of
+    /// acceleration are not in it.
+    #[must_use]
+    pub fn jerk_at(&self, t_s: f64, hint: &mut usize) -> JointVector {
+        match self.locate(t_s, hint) {
+            Some(place) if t_s >= 0.0 => self.curve.jerk(place, self.start),
+            _ => self.zeros(),
         }
-        Sample { position, velocity, waypoint: segment }
     }
 
-    /// The segment that holds `t_s`, which lies between zero and the duration.
-    fn segment_at(&self, t_s: f64, hint: usize) -> usize {
-        let near = self.times.get(hint..).filter(|times| times.first().is_some_and(|&t| t <= t_s));
-        if let Some(times) = near {
-            let ahead = times.iter().take(LOOK_AHEAD + 1).take_while(|&&t| t <= t_s).count();
-            if ahead <= LOOK_AHEAD {
-                return hint + ahead - 1;
-            }
+    /// The state at the end of the last segment, with the acceleration before the end.
+    #[must_use]
+    pub fn end_state(&self) -> TrajectoryState {
+        let acceleration = self.curve.acceleration(end_place(&self.curve), self.start);
+        TrajectoryState {
+            position: self.end,
+            velocity: self.end_velocity,
+            acceleration,
+            waypoint: self.waypoints - 1,
         }
-        self.times.partition_point(|&t| t <= t_s).saturating_sub(1)
+    }
+
+    /// How far the robot may be from set-points from the time of `waypoint` until that of the next
+    /// one, as [`Sample::waypoint`] tells. Nothing is asked for if there is no such waypoint.
+    #[must_use]
+    pub fn tolerance(&self, waypoint: usize) -> Tolerance<'_> {
+        self.tolerances.at(waypoint)
+    }
+
+    /// Number of segments, one at least: in a spline those between the waypoints, with blends more.
+    #[must_use]
+    pub const fn segment_count(&self) -> usize {
+        self.curve.segments()
+    }
+
+    /// All segments in the order of time, without gaps. They were looked at when the trajectory
+    /// was compiled; this only reads.
+    pub fn segments(&self) -> impl ExactSizeIterator<Item = SegmentBounds<'_>> {
+        self.segments_from(0)
+    }
+
+    /// The segments from that at `t_s` on, which is the first one before the start (and for not a
+    /// number) and the last one after the end. `hint` is as for [`sample`](Self::sample).
+    pub fn segments_at(
+        &self,
+        t_s: f64,
+        hint: &mut usize,
+    ) -> impl ExactSizeIterator<Item = SegmentBounds<'_>> {
+        let last = self.segment_count() - 1;
+        self.segments_from(self.locate(t_s, hint).map_or(last, |place| place.segment))
+    }
+
+    fn segments_from(&self, first: usize) -> impl ExactSizeIterator<Item = SegmentBounds<'_>> {
+        let joints = self.joint_count();
+        let rows = self.bounds[first * BOUNDS * joints..].chunks_exact(BOUNDS * joints);
+        rows.enumerate().map(move |(index, rows)| {
+            let (start_s, length_s) = self.curve.span(first + index);
+            let (velocity, rows) = rows.split_at(joints);
+            let (acceleration, jerk) = rows.split_at(joints);
+            let waypoint = self.curve.waypoint(first + index);
+            SegmentBounds { start_s, length_s, waypoint, velocity, acceleration, jerk }
+        })
+    }
+
+    /// The place of `t_s`, of zero if it is before or not a number, `None` from the end on.
+    fn locate(&self, t_s: f64, hint: &mut usize) -> Option<Place> {
+        if t_s >= self.duration_s() {
+            *hint = self.segment_count().saturating_sub(1);
+            return None;
+        }
+        Some(self.curve.locate(t_s.max(0.0), hint))
+    }
+
+    fn zeros(&self) -> JointVector {
+        self.start.map_indexed(|_, _| 0.0)
     }
 }
 
-struct Violation {
-    quantity: LimitedQuantity,
-    /// Where on the segment.
-    u: f64,
-    value: f64,
-    limit: f64,
+fn end_place(curve: &Curve) -> Place {
+    let segment = curve.segments().saturating_sub(1);
+    Place { segment, u: curve.span(segment).1 }
 }
 
-impl Violation {
-    fn into_error(self, joint: String, segment: usize, segment_start_s: f64) -> TrajectoryError {
-        let Self { quantity, u, value, limit } = self;
-        let time_s = segment_start_s + u;
-        TrajectoryError::BeyondLimit { quantity, joint, segment, time_s, value, limit }
-    }
-}
-
-/// Where `cubic` breaks its limits most: of position if it does, else of velocity, else of
-/// acceleration.
-fn violation(cubic: &Cubic, limits: &AxisLimits) -> Option<Violation> {
-    let outside = |x: f64| (limits.lower - x).max(x - limits.upper);
-    let positions = cubic.position_extrema().into_iter().map(|u| (u, cubic.position(u)));
-    if let Some((u, value)) = worst(positions, outside, LIMIT_TOLERANCE) {
-        let limit = limits.nearer_limit(value);
-        return Some(Violation { quantity: LimitedQuantity::Position, u, value, limit });
-    }
-    let velocities = cubic.velocity_extrema().into_iter().map(|u| (u, cubic.velocity(u)));
-    let limit = limits.velocity;
-    if let Some((u, value)) = worst(velocities, |v| v.abs() - limit, limit * LIMIT_TOLERANCE) {
-        return Some(Violation { quantity: LimitedQuantity::Velocity, u, value, limit });
-    }
-    let ends = cubic.acceleration_extrema().into_iter().map(|u| (u, cubic.acceleration(u)));
-    let limit = limits.acceleration;
-    worst(ends, |a| a.abs() - limit, limit * LIMIT_TOLERANCE).map(|(u, value)| Violation {
-        quantity: LimitedQuantity::Acceleration,
-        u,
-        value,
-        limit,
+fn end_velocity(curve: &Curve, like: JointVector, ends: Ends) -> JointVector {
+    let (mut position, mut velocity) = (like, like);
+    curve.motion(end_place(curve), &mut position, &mut velocity);
+    velocity.map_indexed(|_, v| {
+        let rests = ends == Ends::AtRest || v.abs() <= REST_TOLERANCE;
+        if rests { 0.0 } else { v }
     })
-}
-
-/// The candidate that is furthest outside, if that is further than `tolerance`.
-fn worst(
-    candidates: impl Iterator<Item = (f64, f64)>,
-    excess: impl Fn(f64) -> f64,
-    tolerance: f64,
-) -> Option<(f64, f64)> {
-    let mut worst = None;
-    let mut most = tolerance;
-    for (u, value) in candidates {
-        let within = excess(value) <= most;
-        // What overflowed to not a number is within nothing, so it is refused too.
-        if !within {
-            most = excess(value).max(most);
-            worst = Some((u, value));
-        }
-    }
-    worst
 }
 
 fn row(rows: &[f64], joints: usize, index: usize) -> JointVector {

@@ -2,6 +2,10 @@
 
 use std::fmt;
 
+use super::units::JointUnit;
+use super::waypoints::Interpolation;
+use crate::JointType;
+
 /// Why a [`JointTrajectory`](super::JointTrajectory) is refused.
 ///
 /// Waypoints are counted from zero. Values are in the joint's unit, \[rad\] or \[m\], and seconds.
@@ -30,6 +34,43 @@ pub enum TrajectoryError {
         joints: usize,
         /// Number of joints that have limits.
         limits: usize,
+    },
+    /// There is not one joint type per joint.
+    #[error("{joints} joints, but types of {types}")]
+    TypeCount {
+        /// Number of joints.
+        joints: usize,
+        /// Number of joint types given.
+        types: usize,
+    },
+    /// There are units, but not one per joint.
+    #[error("joint_units has {len} values, expected none or one for each of {joints} joints")]
+    UnitCount {
+        /// Number of units.
+        len: usize,
+        /// Number of joints of the trajectory.
+        joints: usize,
+    },
+    /// A joint that slides has a unit of angle, or one that turns a unit of length.
+    #[error("joint_units has {unit} for {joint}, which {}", moves(*.joint_type))]
+    UnitMismatch {
+        /// Name of the joint.
+        joint: String,
+        /// The unit.
+        unit: JointUnit,
+        /// How the joint moves.
+        joint_type: JointType,
+    },
+    /// A unit needs conversion, but whether it fits cannot be told.
+    #[error(
+        "joint_units has {unit} for {joint}, but whether that turns or slides is not known here: \
+         use rad or m"
+    )]
+    UnitUnknownType {
+        /// Name of the joint.
+        joint: String,
+        /// The unit.
+        unit: JointUnit,
     },
     /// A joint of the robot is not in `joint_names`.
     #[error("joint_names lacks the robot's joint {joint}")]
@@ -77,14 +118,38 @@ pub enum TrajectoryError {
         /// Number of joints.
         expected: usize,
     },
-    /// Some waypoints have velocities and some have not.
+    /// Some waypoints have velocities, or accelerations, and some have not.
     #[error(
-        "waypoint {waypoint}: joint_velocity must be given at every waypoint or at none, \
-         waypoint 0 is different"
+        "waypoint {waypoint}: {field} must be given at every waypoint or at none, waypoint 0 is \
+         different"
     )]
-    VelocityMixed {
+    RowMixed {
         /// Index of the first waypoint that is unlike waypoint 0.
         waypoint: usize,
+        /// Field that holds the row.
+        field: &'static str,
+    },
+    /// A waypoint has a row that the interpolation cannot honour.
+    #[error("waypoint {waypoint}: {interpolation} takes no {field}, leave it out")]
+    RowNotTaken {
+        /// Index of the first such waypoint.
+        waypoint: usize,
+        /// Field that holds the row.
+        field: &'static str,
+        /// The interpolation asked for.
+        interpolation: Interpolation,
+    },
+    /// A tolerance is not a finite number above zero.
+    #[error("waypoint {waypoint}: {field} of {joint} is {value}, expected a finite number above 0")]
+    NotPositive {
+        /// Index of the waypoint.
+        waypoint: usize,
+        /// Field that holds the tolerance.
+        field: &'static str,
+        /// Name of the joint.
+        joint: String,
+        /// The tolerance.
+        value: f64,
     },
     /// A time is infinite or not a number.
     #[error("waypoint {waypoint}: time_from_start_s is {value}, which is not finite")]
@@ -94,7 +159,7 @@ pub enum TrajectoryError {
         /// The time.
         value: f64,
     },
-    /// A position or velocity is infinite or not a number.
+    /// A position, velocity or acceleration is infinite or not a number.
     #[error("waypoint {waypoint}: {field} of {joint} is {value}, which is not finite")]
     NotFinite {
         /// Index of the waypoint.
@@ -149,6 +214,55 @@ pub enum TrajectoryError {
         /// The velocity.
         value: f64,
     },
+    /// The natural spline does not rest at an end, as it almost never does.
+    #[error(
+        "waypoint {waypoint}: cubic_spline_natural passes {joint} at velocity {}, but a \
+         trajectory starts and ends at rest: use cubic_spline or quintic_hermite",
+        readable(*.velocity)
+    )]
+    NaturalInMotion {
+        /// Index of the waypoint, the first or the last.
+        waypoint: usize,
+        /// Name of the joint.
+        joint: String,
+        /// The velocity that follows from the waypoints.
+        velocity: f64,
+    },
+    /// Between two waypoints there is no time for the blends at them.
+    #[error(
+        "waypoint {waypoint}: from here to waypoint {} the blends of {joint} need {} s within its \
+         acceleration limit, but there are {} s: give it more time",
+        .waypoint + 1,
+        readable(*.needed_s),
+        readable(*.available_s)
+    )]
+    BlendsOverlap {
+        /// Index of the waypoint before.
+        waypoint: usize,
+        /// Name of the joint that needs longest.
+        joint: String,
+        /// Time the blends need \[s\].
+        needed_s: f64,
+        /// Time between the waypoints \[s\].
+        available_s: f64,
+    },
+    /// The shortest possible blend passes a waypoint at more than its tolerance.
+    #[error(
+        "waypoint {waypoint}: the blend passes at {} from the position of {joint}, but \
+         position_tolerance is {}: be slower there or widen it",
+        readable(*.needed),
+        readable(*.available)
+    )]
+    BlendTolerance {
+        /// Index of the waypoint.
+        waypoint: usize,
+        /// Name of the joint.
+        joint: String,
+        /// Distance of the blend.
+        needed: f64,
+        /// The tolerance.
+        available: f64,
+    },
     /// The interpolated motion leaves a joint's limits.
     #[error(
         "{joint}: {quantity} {} at {} s, between waypoints {segment} and {}, is beyond the limit \
@@ -168,8 +282,25 @@ pub enum TrajectoryError {
         time_s: f64,
         /// The extreme value there.
         value: f64,
-        /// The limit; velocity and acceleration are limited in both directions.
+        /// The limit; all but position are limited in both directions.
         limit: f64,
+    },
+    /// Acceleration jumps where the limits of jerk were to be kept.
+    #[error(
+        "{joint}: acceleration jumps from {} to {} at {} s, which no limit of jerk allows",
+        readable(*.before),
+        readable(*.after),
+        readable(*.time_s)
+    )]
+    AccelerationJump {
+        /// Name of the joint.
+        joint: String,
+        /// When it happens \[s since the start\].
+        time_s: f64,
+        /// Acceleration before; zero before a start at rest.
+        before: f64,
+        /// Acceleration after; zero after an end at rest.
+        after: f64,
     },
 }
 
@@ -182,6 +313,8 @@ pub enum LimitedQuantity {
     Velocity,
     /// Acceleration \[rad/s² or m/s²\].
     Acceleration,
+    /// Jerk \[rad/s³ or m/s³\], see [`JerkLimit`](super::JerkLimit).
+    Jerk,
 }
 
 impl fmt::Display for LimitedQuantity {
@@ -190,7 +323,15 @@ impl fmt::Display for LimitedQuantity {
             Self::Position => "position",
             Self::Velocity => "velocity",
             Self::Acceleration => "acceleration",
+            Self::Jerk => "jerk",
         })
+    }
+}
+
+const fn moves(joint_type: JointType) -> &'static str {
+    match joint_type {
+        JointType::Revolute | JointType::Continuous => "turns",
+        JointType::Prismatic => "slides",
     }
 }
 

@@ -13,33 +13,46 @@
 //! any phase, since `v_k` is a mean of the velocity over one period and `a_k` a weighted mean of
 //! the acceleration over two. It stays true across the change from one motion to the next as long
 //! as position and velocity of the *curves* are equal there: start a motion at the state that the
-//! one before it has at the last tick ([`JointMove::at`]), or at rest. Rounding adds at most some
-//! units in the last place of `x`, divided by `T²`.
+//! one before it has at the last tick ([`JointMove::at`], [`CompiledTrajectory::state_at`]), or at
+//! rest. Rounding adds at most some units in the last place of `x`, divided by `T²`. A trajectory
+//! compiled for [`Ends::InMotion`] is such a curve between its ends only.
 //!
 //! [`StopRamp`] is the exception: it must work whatever moved before, also where no curve is
 //! known, so it is a sequence of ticks that starts from the two last commands.
 
+mod blend;
+mod check;
 mod compiled;
-mod cubic;
+mod curve;
 mod error;
+mod interpolate;
 mod joint_move;
 mod motion_limits;
+mod options;
+mod piece;
 mod profile;
 mod ramp;
+mod roots;
+mod spline;
+mod tolerance;
+mod units;
 mod validate;
 mod waypoints;
 
 #[cfg(test)]
 mod tests;
 
-pub use compiled::{CompiledTrajectory, Sample};
+pub use blend::MIN_BLEND_S;
+pub use compiled::{CompiledTrajectory, Sample, SegmentBounds, TrajectoryState};
 pub use error::{LimitedQuantity, TrajectoryError};
 pub use joint_move::{JointMove, JointMoveError, MotionState};
 pub use motion_limits::{AxisLimits, DEFAULT_JERK_TIME_S, MotionLimits, MotionLimitsError};
+pub use options::{Ends, JerkLimit, TrajectoryContext, TrajectoryOptions};
 pub use profile::{AxisProfile, AxisState, ProfileError};
 pub use ramp::StopRamp;
+pub use tolerance::Tolerance;
+pub use units::JointUnit;
 pub use validate::{
     LIMIT_TOLERANCE, MIN_WAYPOINT_SPACING_S, REST_TOLERANCE, START_TIME_TOLERANCE_S,
-    TrajectoryOptions,
 };
 pub use waypoints::{Interpolation, JointTrajectory, Waypoint};

@@ -3,16 +3,22 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::TrajectoryError;
+use super::units::JointUnit;
+use crate::JointType;
 
 /// Positions to pass at given times; `joint_names` gives the order of every row.
 ///
 /// It may name the joints of several robots. Nothing is checked before
 /// [`CompiledTrajectory::compile`](super::CompiledTrajectory::compile) but what the types say.
+/// Nothing in it is ever ignored: what its interpolation cannot honour is refused by name.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointTrajectory {
     /// Names of the joints, one per column of the waypoints.
     pub joint_names: Vec<String>,
+    /// Unit of each column, in the order of `joint_names`; empty if all are implicit.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joint_units: Vec<JointUnit>,
     /// What to pass, in the order of time.
     pub waypoints: Vec<Waypoint>,
     /// How to move between the waypoints.
@@ -20,18 +26,30 @@ pub struct JointTrajectory {
     pub interpolation: Interpolation,
 }
 
-/// Where all joints are at one time.
+/// Where all joints are at one time. Every row is in the order of `joint_names`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Waypoint {
     /// Time since the start of the trajectory \[s\]; zero at the first waypoint.
     pub time_from_start_s: f64,
-    /// Positions in the order of `joint_names` \[rad or m\].
+    /// Positions \[rad or m, if `joint_units` does not say otherwise\].
     pub joint_position: Vec<f64>,
-    /// Velocities in the order of `joint_names` \[rad/s or m/s\]; either every waypoint has them
-    /// or none.
+    /// Velocities \[1/s\]; either every waypoint has them or none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_velocity: Vec<f64>,
+    /// Accelerations \[1/s²\], only for [`Interpolation::QuinticHermite`]; either every waypoint
+    /// has them or none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joint_acceleration: Vec<f64>,
+    /// How far the robot may be from the set-point, above zero; empty if the waypoint asks for
+    /// nothing. It holds from this waypoint's time until the next one's, at the last waypoint from
+    /// the end on. [`Interpolation::JointLinear`] itself passes the waypoint within it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub position_tolerance: Vec<f64>,
+    /// How far the robot's velocity may be from the set-point's \[1/s\], above zero; empty if the
+    /// waypoint asks for nothing. It holds as long as `position_tolerance`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub velocity_tolerance: Vec<f64>,
 }
 
 /// How to move between waypoints.
@@ -40,9 +58,26 @@ pub struct Waypoint {
 pub enum Interpolation {
     /// A cubic polynomial per joint between two waypoints. With velocities given: the one that
     /// has them at both ends (Hermite), so acceleration may jump at a waypoint. Without: the
-    /// spline with continuous acceleration that starts and ends at rest.
+    /// spline with continuous acceleration that starts and ends at rest (clamped), where
+    /// acceleration jumps only at the ends.
     #[default]
     CubicSpline,
+    /// The cubic spline with continuous acceleration that is zero at both ends (natural). Its
+    /// velocity at the ends follows from the waypoints and is zero only by chance, so it is for
+    /// motions that something else begins and ends: see [`Ends`](super::Ends). Takes no velocities.
+    CubicSplineNatural,
+    /// Straight lines in joint space at constant velocity, timed so that each line, continued,
+    /// passes its waypoints at their times; at each waypoint a blend at constant acceleration. A
+    /// blend is one parabola for all joints, as short as the acceleration limit of one of them
+    /// allows, but [`MIN_BLEND_S`](super::MIN_BLEND_S) long at least. Inner waypoints are therefore
+    /// passed at a distance, a share of 1/8 of change of velocity times length of the blend; the
+    /// outer ones exactly. Takes no velocities; starts and ends at rest.
+    JointLinear,
+    /// A polynomial of fifth degree per joint between two waypoints, with continuous acceleration.
+    /// Velocities that are not given are those of the clamped cubic spline. Accelerations that are
+    /// not given are zero at both ends, and at an inner waypoint the mean of what the cubics with
+    /// these velocities have on either side (for the spline: its acceleration).
+    QuinticHermite,
 }
 
 impl JointTrajectory {
@@ -52,6 +87,7 @@ impl JointTrajectory {
     /// # Errors
     /// [`TrajectoryError::ColumnNames`] if there is not one name per column,
     /// [`TrajectoryError::ColumnUnknown`] if a column does not exist,
+    /// [`TrajectoryError::UnitCount`] if there are units, but not one per joint,
     /// [`TrajectoryError::RowLength`] if a row does not have one value per joint.
     pub fn select(&self, columns: &[usize], names: Vec<String>) -> Result<Self, TrajectoryError> {
         let joints = self.joint_names.len();
@@ -64,19 +100,60 @@ impl JointTrajectory {
         if let Some(&column) = columns.iter().find(|&&column| column >= joints) {
             return Err(TrajectoryError::ColumnUnknown { column, joints });
         }
-        let pick = |row: &[f64]| -> Vec<f64> {
-            columns.iter().filter_map(|&column| row.get(column).copied()).collect()
-        };
+        self.check_unit_count()?;
         let mut waypoints = Vec::with_capacity(self.waypoints.len());
         for (index, waypoint) in self.waypoints.iter().enumerate() {
             waypoint.check_lengths(index, joints)?;
-            waypoints.push(Waypoint {
-                time_from_start_s: waypoint.time_from_start_s,
-                joint_position: pick(&waypoint.joint_position),
-                joint_velocity: pick(&waypoint.joint_velocity),
-            });
+            waypoints.push(waypoint.map_rows(|row| pick(row, columns)));
         }
-        Ok(Self { joint_names: names, waypoints, interpolation: self.interpolation })
+        let joint_units = pick(&self.joint_units, columns);
+        Ok(Self { joint_names: names, joint_units, waypoints, interpolation: self.interpolation })
+    }
+
+    /// The same motion in each joint's own unit \[rad or m\], without `joint_units`. `joint_types`
+    /// says how each joint of `joint_names` moves, in its order.
+    ///
+    /// # Errors
+    /// [`TrajectoryError::TypeCount`] if there is not one type per joint,
+    /// [`TrajectoryError::UnitCount`] if there are units, but not one per joint,
+    /// [`TrajectoryError::UnitMismatch`] if a unit does not fit its joint,
+    /// [`TrajectoryError::RowLength`] if a row does not have one value per joint.
+    pub fn to_si(&self, joint_types: &[JointType]) -> Result<Self, TrajectoryError> {
+        let (joints, types) = (self.joint_names.len(), joint_types.len());
+        if joints != types {
+            return Err(TrajectoryError::TypeCount { joints, types });
+        }
+        self.check_unit_count()?;
+        let mut factors = Vec::with_capacity(joints);
+        for (column, (name, &joint_type)) in self.joint_names.iter().zip(joint_types).enumerate() {
+            factors.push(self.unit(column).factor(name, Some(joint_type))?);
+        }
+        let mut waypoints = Vec::with_capacity(self.waypoints.len());
+        for (index, waypoint) in self.waypoints.iter().enumerate() {
+            waypoint.check_lengths(index, joints)?;
+            waypoints.push(waypoint.map_rows(|row| {
+                row.iter().zip(&factors).map(|(value, factor)| value * factor).collect()
+            }));
+        }
+        Ok(Self {
+            joint_names: self.joint_names.clone(),
+            joint_units: Vec::new(),
+            waypoints,
+            interpolation: self.interpolation,
+        })
+    }
+
+    /// Unit of a column.
+    pub(super) fn unit(&self, column: usize) -> JointUnit {
+        self.joint_units.get(column).copied().unwrap_or_default()
+    }
+
+    pub(super) const fn check_unit_count(&self) -> Result<(), TrajectoryError> {
+        let (len, joints) = (self.joint_units.len(), self.joint_names.len());
+        if len != 0 && len != joints {
+            return Err(TrajectoryError::UnitCount { len, joints });
+        }
+        Ok(())
     }
 }
 
@@ -92,80 +169,56 @@ impl Waypoint {
         if self.joint_position.len() != expected {
             return refuse("joint_position", self.joint_position.len());
         }
-        if !self.joint_velocity.is_empty() && self.joint_velocity.len() != expected {
-            return refuse("joint_velocity", self.joint_velocity.len());
+        for (field, row) in [
+            ("joint_velocity", &self.joint_velocity),
+            ("joint_acceleration", &self.joint_acceleration),
+            ("position_tolerance", &self.position_tolerance),
+            ("velocity_tolerance", &self.velocity_tolerance),
+        ] {
+            if !row.is_empty() && row.len() != expected {
+                return refuse(field, row.len());
+            }
         }
         Ok(())
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn two_robots() -> JointTrajectory {
-        let row = |time_from_start_s, base: f64| Waypoint {
-            time_from_start_s,
-            joint_position: vec![base, base + 1.0, base + 2.0],
-            joint_velocity: vec![0.0; 3],
-        };
-        JointTrajectory {
-            joint_names: ["left/a", "left/b", "right/a"].map(str::to_owned).to_vec(),
-            waypoints: vec![row(0.0, 0.0), row(1.0, 10.0)],
-            interpolation: Interpolation::CubicSpline,
+    fn map_rows(&self, f: impl Fn(&[f64]) -> Vec<f64>) -> Self {
+        Self {
+            time_from_start_s: self.time_from_start_s,
+            joint_position: f(&self.joint_position),
+            joint_velocity: f(&self.joint_velocity),
+            joint_acceleration: f(&self.joint_acceleration),
+            position_tolerance: f(&self.position_tolerance),
+            velocity_tolerance: f(&self.velocity_tolerance),
         }
     }
+}
 
-    #[test]
-    fn optional_fields_may_be_left_out() {
-        let text = r#"{"joint_names":["a"],"waypoints":[
-            {"time_from_start_s":0.0,"joint_position":[0.5]}]}"#;
-        let trajectory: JointTrajectory = serde_json::from_str(text).expect("decodes");
-        assert_eq!(trajectory.interpolation, Interpolation::CubicSpline);
-        assert_eq!(
-            serde_json::to_string(&trajectory).expect("encodes"),
-            r#"{"joint_names":["a"],"waypoints":[{"time_from_start_s":0.0,"joint_position":[0.5]}],"interpolation":"cubic_spline"}"#
-        );
+impl Interpolation {
+    /// Whether waypoints may have `joint_velocity`.
+    pub(super) const fn takes_velocity(self) -> bool {
+        matches!(self, Self::CubicSpline | Self::QuinticHermite)
     }
 
-    #[test]
-    fn a_field_that_is_not_honoured_is_refused_by_name() {
-        let text = r#"{"joint_names":[],"waypoints":[
-            {"time_from_start_s":0.0,"joint_position":[],"position_tolerance":[]}]}"#;
-        let error = serde_json::from_str::<JointTrajectory>(text).expect_err("unknown field");
-        assert!(error.to_string().contains("position_tolerance"), "{error}");
-        let text = r#"{"joint_names":[],"waypoints":[],"interpolation":"linear"}"#;
-        let error = serde_json::from_str::<JointTrajectory>(text).expect_err("unknown variant");
-        assert!(error.to_string().contains("linear"), "{error}");
+    /// Whether waypoints may have `joint_acceleration`.
+    pub(super) const fn takes_acceleration(self) -> bool {
+        matches!(self, Self::QuinticHermite)
     }
+}
 
-    #[test]
-    fn selection_reorders_columns_and_renames_joints() {
-        let part = two_robots()
-            .select(&[2, 0], vec!["x".to_owned(), "y".to_owned()])
-            .expect("both columns exist");
-        assert_eq!(part.joint_names, ["x", "y"]);
-        assert_eq!(part.waypoints[1].joint_position, [12.0, 10.0]);
-        assert_eq!(part.waypoints[1].joint_velocity, [0.0, 0.0]);
-        assert_eq!(part.waypoints[1].time_from_start_s, 1.0);
+impl std::fmt::Display for Interpolation {
+    /// The name it has on the wire.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::CubicSpline => "cubic_spline",
+            Self::CubicSplineNatural => "cubic_spline_natural",
+            Self::JointLinear => "joint_linear",
+            Self::QuinticHermite => "quintic_hermite",
+        })
     }
+}
 
-    #[test]
-    fn selection_never_hides_a_row_of_wrong_length() {
-        let mut trajectory = two_robots();
-        trajectory.waypoints[1].joint_velocity.pop();
-        let error = trajectory.select(&[0], vec!["x".to_owned()]).expect_err("row is short");
-        assert_eq!(
-            error.to_string(),
-            "waypoint 1: joint_velocity has 2 values, expected one for each of 3 joints"
-        );
-    }
-
-    #[test]
-    fn selection_refuses_columns_that_do_not_exist_or_have_no_name() {
-        let error = two_robots().select(&[3], vec!["x".to_owned()]).expect_err("no column 3");
-        assert_eq!(error.to_string(), "column 3 does not exist, the trajectory has 3 joints");
-        let error = two_robots().select(&[0], Vec::new()).expect_err("no name");
-        assert_eq!(error.to_string(), "1 columns, but 0 names");
-    }
+/// The elements at `columns`; nothing of an empty row.
+fn pick<T: Copy>(row: &[T], columns: &[usize]) -> Vec<T> {
+    columns.iter().filter_map(|&column| row.get(column).copied()).collect()
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -78,6 +79,36 @@ class Interpolation(OpenEnum):
     CUBIC_SPLINE = "cubic_spline"
     """One cubic polynomial per joint between two waypoints. With velocities given, the one that
     has them at both ends; without, the spline that starts and ends at rest."""
+    CUBIC_SPLINE_NATURAL = "cubic_spline_natural"
+    """The cubic spline without acceleration at both ends. It hardly ever rests there, so a robot
+    refuses it as a motion of its own. Takes no velocities."""
+    JOINT_LINEAR = "joint_linear"
+    """Straight lines in joint space with parabolic blends, as short as the acceleration limits
+    allow; inner waypoints are passed within their `position_tolerance`. Takes no velocities."""
+    QUINTIC_HERMITE = "quintic_hermite"
+    """One polynomial of fifth degree per joint between two waypoints, with continuous acceleration.
+    Velocities and accelerations that are not given follow from the cubic spline."""
+
+
+class JointUnit(OpenEnum):
+    """Unit of one joint's positions; its velocities are per second, and so on."""
+
+    IMPLICIT = "implicit"
+    """The joint's own: rad if it turns, m if it slides."""
+    RADIAN = "radian"
+    """Radians, of a joint that turns."""
+    DEGREE = "degree"
+    """Degrees, of a joint that turns."""
+    METER = "meter"
+    """Metres, of a joint that slides."""
+    TICKS_ROT = "ticks_rot"
+    """Revolutions / 2^20, of a joint that turns."""
+    NANOTICKS_ROT = "nanoticks_rot"
+    """Revolutions / 2^20 / 10^9, of a joint that turns."""
+    TICKS_LIN = "ticks_lin"
+    """Metres / 2^20, of a joint that slides."""
+    NANOTICKS_LIN = "nanoticks_lin"
+    """Metres / 2^20 / 10^9, of a joint that slides."""
 
 
 class Waypoint(Message, frozen=True, kw_only=True, omit_defaults=True):
@@ -86,19 +117,30 @@ class Waypoint(Message, frozen=True, kw_only=True, omit_defaults=True):
     time_from_start_s: float
     """Time since the start of the trajectory [s]; zero at the first waypoint."""
     joint_position: JointVector
-    """Positions in the order of `joint_names` [rad or m]."""
+    """Positions in the order of `joint_names` [rad or m, if `joint_units` has nothing else]."""
     joint_velocity: JointVector | None = None
-    """Velocities in the order of `joint_names` [rad/s or m/s]; every waypoint has them or none."""
+    """Velocities in the order of `joint_names` [1/s]; every waypoint has them or none."""
+    joint_acceleration: JointVector | None = None
+    """Accelerations in the order of `joint_names` [1/s^2], only for `quintic_hermite`; every
+    waypoint has them or none."""
+    position_tolerance: JointVector | None = None
+    """How far the robot may be from the set-point, above zero, from this waypoint's time until the
+    next one's; None if the waypoint asks for nothing."""
+    velocity_tolerance: JointVector | None = None
+    """How far its velocity may be from the set-point's [1/s], as long."""
 
 
-class JointTrajectory(Message, frozen=True, kw_only=True):
+class JointTrajectory(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Positions to pass at given times; `joint_names` gives the order of every row."""
 
     joint_names: tuple[str, ...]
     """Names of the joints; for a cell each is `robot/joint`."""
+    joint_units: tuple[JointUnit, ...] = ()
+    """Unit of each joint, in the order of `joint_names`; empty if all are implicit."""
     waypoints: tuple[Waypoint, ...]
     """What to pass, in the order of time."""
-    interpolation: Interpolation = Interpolation.CUBIC_SPLINE
+    # Made by a function, so that it is written also where it is the default.
+    interpolation: Interpolation = msgspec.field(default_factory=lambda: Interpolation.CUBIC_SPLINE)
     """How to move between the waypoints."""
 
     @classmethod

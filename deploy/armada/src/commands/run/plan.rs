@@ -61,6 +61,13 @@ impl Plan {
                 first.joint_position.len()
             )));
         }
+        // The way to the first waypoint is a jog, which knows rad and m only.
+        let mut units = trajectory.joint_names.iter().zip(&trajectory.joint_units);
+        if let Some((name, unit)) = units.find(|(_, unit)| unit.to_si() != 1.0) {
+            return Err(UsageError(format!(
+                "joint_units has {unit} for {name}, use rad or m here"
+            )));
+        }
         let mut parts: Vec<Part> = Vec::new();
         for (name, &position) in trajectory.joint_names.iter().zip(&first.joint_position) {
             let (owner, joint) = owner(name, robot)?;
@@ -73,11 +80,13 @@ impl Plan {
         Ok(Self { name, trajectory, mover, parts })
     }
 
-    /// The same with its times divided by `speed` and its velocities multiplied by it.
+    /// The same with its times divided by `speed`, its velocities multiplied by it, and its
+    /// accelerations by its square.
     pub(crate) fn at_speed(mut self, speed: f64) -> Self {
         for waypoint in &mut self.trajectory.waypoints {
             waypoint.time_from_start_s /= speed;
             waypoint.joint_velocity.iter_mut().for_each(|velocity| *velocity *= speed);
+            waypoint.joint_acceleration.iter_mut().for_each(|value| *value *= speed * speed);
         }
         self
     }
@@ -156,7 +165,7 @@ impl Part {
 
 #[cfg(test)]
 mod tests {
-    use armada_model::Waypoint;
+    use armada_model::{JointUnit, Waypoint};
 
     use super::*;
 
@@ -165,6 +174,8 @@ mod tests {
             time_from_start_s,
             joint_position: (0..names.len()).map(|index| base + index as f64).collect(),
             joint_velocity: vec![0.5; names.len()],
+            joint_acceleration: vec![1.0; names.len()],
+            ..Waypoint::default()
         };
         JointTrajectory {
             joint_names: names.iter().map(|name| (*name).to_owned()).collect(),
@@ -196,6 +207,7 @@ mod tests {
         let last = plan.trajectory().waypoints.last().expect("two");
         assert_eq!(last.time_from_start_s, 4.0);
         assert_eq!(last.joint_velocity, [0.25]);
+        assert_eq!(last.joint_acceleration, [0.25]);
         assert_eq!(last.joint_position, [1.0]);
     }
 
@@ -216,6 +228,14 @@ mod tests {
         short.waypoints[0].joint_position.pop();
         let error = Plan::new(String::new(), short, None).expect_err("one position");
         assert_eq!(error.to_string(), "2 joints are named, but the first waypoint has 1 positions");
+    }
+
+    #[test]
+    fn a_file_in_degrees_is_refused_since_the_way_to_its_start_is_in_radians() {
+        let mut degrees = trajectory(&["l/a"]);
+        degrees.joint_units = vec![JointUnit::Degree];
+        let error = Plan::new(String::new(), degrees, None).expect_err("degrees");
+        assert_eq!(error.to_string(), "joint_units has degree for l/a, use rad or m here");
     }
 
     #[test]

@@ -6,37 +6,86 @@ use super::*;
 
 const JOINTS: usize = 3;
 
-/// Random spacings and rows; with velocities in half of the cases.
+/// How a random trajectory is interpolated, and which rows it has.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Spline,
+    Hermite,
+    Natural,
+    Quintic,
+    QuinticWithVelocities,
+    QuinticWithAccelerations,
+}
+
+impl Kind {
+    const ALL: [Self; 6] = [
+        Self::Spline,
+        Self::Hermite,
+        Self::Natural,
+        Self::Quintic,
+        Self::QuinticWithVelocities,
+        Self::QuinticWithAccelerations,
+    ];
+
+    const fn interpolation(self) -> Interpolation {
+        match self {
+            Self::Spline | Self::Hermite => Interpolation::CubicSpline,
+            Self::Natural => Interpolation::CubicSplineNatural,
+            Self::Quintic | Self::QuinticWithVelocities | Self::QuinticWithAccelerations => {
+                Interpolation::QuinticHermite
+            }
+        }
+    }
+
+    const fn has_velocities(self) -> bool {
+        !matches!(self, Self::Spline | Self::Natural | Self::Quintic)
+    }
+
+    const fn has_accelerations(self) -> bool {
+        matches!(self, Self::QuinticWithAccelerations)
+    }
+}
+
+/// Random spacings and rows of every kind.
 fn random() -> impl Strategy<Value = JointTrajectory> {
     let row = || prop::array::uniform3(-2.0..2.0_f64);
-    (prop::collection::vec((0.05..1.0_f64, row(), row()), 2..9), any::<bool>()).prop_map(
-        |(rows, with_velocities)| {
-            let last = rows.len() - 1;
-            let mut time_from_start_s = 0.0;
-            let waypoints =
-                rows.iter().enumerate().map(|(index, (spacing, position, velocity))| {
-                    if index > 0 {
-                        time_from_start_s += spacing;
-                    }
-                    let velocity =
-                        if index == 0 || index == last { [0.0; JOINTS] } else { *velocity };
-                    Waypoint {
-                        time_from_start_s,
-                        joint_position: position.to_vec(),
-                        joint_velocity: if with_velocities {
-                            velocity.to_vec()
-                        } else {
-                            Vec::new()
-                        },
-                    }
-                });
-            JointTrajectory {
-                joint_names: names(JOINTS),
-                waypoints: waypoints.collect(),
-                interpolation: Interpolation::CubicSpline,
+    let rows = prop::collection::vec((0.05..1.0_f64, row(), row(), row()), 2..9);
+    (rows, prop::sample::select(&Kind::ALL[..])).prop_map(|(rows, kind)| {
+        let last = rows.len() - 1;
+        let mut time_from_start_s = 0.0;
+        let waypoints = rows.into_iter().enumerate().map(|(index, row)| {
+            let (spacing, position, velocity, acceleration) = row;
+            time_from_start_s += if index > 0 { spacing } else { 0.0 };
+            let is_end = index == 0 || index == last;
+            let velocity = if is_end { [0.0; JOINTS] } else { velocity };
+            let given = |is_given: bool, row: [f64; JOINTS]| {
+                if is_given { row.to_vec() } else { Vec::new() }
+            };
+            Waypoint {
+                time_from_start_s,
+                joint_position: position.to_vec(),
+                joint_velocity: given(kind.has_velocities(), velocity),
+                joint_acceleration: given(kind.has_accelerations(), acceleration),
+                ..Waypoint::default()
             }
-        },
-    )
+        });
+        JointTrajectory {
+            joint_names: names(JOINTS),
+            waypoints: waypoints.collect(),
+            interpolation: kind.interpolation(),
+            ..JointTrajectory::default()
+        }
+    })
+}
+
+/// Compiles what may end in motion if it can do nothing else.
+fn compile(
+    asked: &JointTrajectory,
+    limits: &MotionLimits,
+) -> Result<CompiledTrajectory, TrajectoryError> {
+    let is_natural = asked.interpolation == Interpolation::CubicSplineNatural;
+    let options = if is_natural { IN_MOTION } else { TrajectoryOptions::default() };
+    compile_with(asked, limits, &options)
 }
 
 fn anything_goes() -> MotionLimits {
@@ -126,6 +175,17 @@ proptest! {
     }
 
     #[test]
+    fn every_kind_is_smooth_and_keeps_its_bounds(asked in random()) {
+        let compiled = compile(&asked, &anything_goes()).expect("only limits can refuse it");
+        assert_smooth(&compiled);
+        let has_jumps = asked.interpolation == Interpolation::CubicSpline
+            && !asked.waypoints[0].joint_velocity.is_empty();
+        if !has_jumps {
+            assert_acceleration_is_continuous(&compiled);
+        }
+    }
+
+    #[test]
     fn set_points_at_any_period_and_phase_are_legal(
         asked in random(),
         period_s in 1e-3..0.05_f64,
@@ -133,6 +193,8 @@ proptest! {
     ) {
         let limits = limits_of(&scaled(&brute_force(&asked), 1.01));
         let compiled = compile(&asked, &limits).expect("wider than dense sampling");
+        // What ends in motion is for something else to go on with.
+        prop_assume!(asked.interpolation != Interpolation::CubicSplineNatural);
         let ticks = (compiled.duration_s() / period_s) as u32 + 4;
         let mut hint = 0;
         let sent: Vec<JointVector> = (0..ticks)
