@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! URDF text --urdf--> RobotModel --kinematics--> poses of links
+//! waypoints --path--> q(s) --retime--> q(s(t)) --to_trajectory--> waypoints with times
 //! waypoints --trajectory--> validated piecewise cubic --sample--> set-points
 //! ```
 //!
@@ -10,6 +11,7 @@
 
 mod joint_vector;
 mod limits;
+mod path;
 mod pose;
 mod robot_model;
 mod time;
@@ -18,6 +20,7 @@ mod urdf;
 
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
+pub use path::{GeometricPath, JointPath, PathError, PathRows, SplineEnds};
 pub use pose::{Pose, PoseError};
 pub use robot_model::{
     Collision, Inertial, Joint, KinematicsError, Link, Motion, PositionSource, RobotModel, Shape,

@@ -1,0 +1,17 @@
+//! Paths without time, and the fastest motion along them.
+//!
+//! ```text
+//! waypoints --JointPath--> q(s) --retime--> TimedPath q(s(t)) --to_trajectory--> JointTrajectory
+//! paths of several robots --StackedPath--> one q(s), so that all move in phase
+//! ```
+//!
+//! Planning allocates; evaluating a path or a timed path does not.
+
+mod geometric;
+mod spline;
+
+#[cfg(test)]
+mod tests;
+
+pub use geometric::{GeometricPath, PathError, PathRows};
+pub use spline::{JointPath, SplineEnds};
