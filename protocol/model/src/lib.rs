@@ -20,7 +20,10 @@ mod urdf;
 
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
-pub use path::{GeometricPath, JointPath, PathError, PathRows, SplineEnds};
+pub use path::{
+    ConstraintScheme, GeometricPath, Grid, JointPath, MAX_GRID_POINTS, PathError, PathRows,
+    PathSample, PathState, RetimeError, RetimeOptions, Saturation, SplineEnds, TimedPath, retime,
+};
 pub use pose::{Pose, PoseError};
 pub use robot_model::{
     Collision, Inertial, Joint, KinematicsError, Link, Motion, PositionSource, RobotModel, Shape,

@@ -8,10 +8,14 @@
 //! Planning allocates; evaluating a path or a timed path does not.
 
 mod geometric;
+mod retime;
 mod spline;
+mod timed;
 
 #[cfg(test)]
 mod tests;
 
 pub use geometric::{GeometricPath, PathError, PathRows};
+pub use retime::{ConstraintScheme, Grid, MAX_GRID_POINTS, RetimeError, RetimeOptions, retime};
 pub use spline::{JointPath, SplineEnds};
+pub use timed::{PathSample, PathState, Saturation, TimedPath};
