@@ -22,7 +22,8 @@ pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
 pub use path::{
     ConstraintScheme, GeometricPath, Grid, JointPath, MAX_GRID_POINTS, PathError, PathRows,
-    PathSample, PathState, RetimeError, RetimeOptions, Saturation, SplineEnds, TimedPath, retime,
+    PathSample, PathState, PathTrajectory, PathTrajectoryError, RetimeError, RetimeOptions,
+    Saturation, SplineEnds, StackedPath, TimedPath, retime,
 };
 pub use pose::{Pose, PoseError};
 pub use robot_model::{

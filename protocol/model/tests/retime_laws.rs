@@ -134,8 +134,8 @@ fn a_motion_is_its_path_by_the_chain_rule() {
             (before.expect("7"), here.expect("7 joints"), after.expect("7"));
         let mut rows = vec![0.0; 21];
         timed.path().evaluate(timed.state_at(t).s, &mut PathRows::split(&mut rows));
+        assert_eq!(here.position[..], rows[..7]);
         for joint in 0..7 {
-            assert_eq!(here.position[joint], rows[joint]);
             let velocity = (after.position[joint] - before.position[joint]) / (2.0 * step);
             assert!((velocity - here.velocity[joint]).abs() < 1e-3, "{t}");
         }

@@ -10,7 +10,9 @@
 mod geometric;
 mod retime;
 mod spline;
+mod stacked;
 mod timed;
+mod waypoints;
 
 #[cfg(test)]
 mod tests;
@@ -18,4 +20,6 @@ mod tests;
 pub use geometric::{GeometricPath, PathError, PathRows};
 pub use retime::{ConstraintScheme, Grid, MAX_GRID_POINTS, RetimeError, RetimeOptions, retime};
 pub use spline::{JointPath, SplineEnds};
+pub use stacked::StackedPath;
 pub use timed::{PathSample, PathState, Saturation, TimedPath};
+pub use waypoints::{PathTrajectory, PathTrajectoryError};

@@ -11,13 +11,10 @@ from importlib.metadata import version
 import numpy as np
 import toppra
 import toppra.algorithm
-import toppra.algorithm.reachabilitybased.reachability_algorithm as reachability
 import toppra.constraint as constraint
 
 JOINTS, POINTS, PATHS, SEED = 7, 201, 200, 20180613
 ENDS = {"not_a_knot": "not-a-knot", "natural": "natural", "clamped": "clamped"}
-# toppra lowers x by this at each step of its pass from the start, see `sensitivity`.
-TINY = reachability.TINY
 logging.getLogger("toppra").setLevel(logging.ERROR)
 
 
@@ -44,17 +41,6 @@ def duration(case, scheme):
     return float(np.sum(2.0 * np.diff(grid) / (speeds[1:] + speeds[:-1])))
 
 
-def sensitivity(case):
-    """How much the duration with collocation changes if toppra lowers x by less than it does.
-
-    Where collocation makes the solution chatter (near zero-inertia points) this is not negligible.
-    """
-    reachability.TINY = 0.3 * TINY
-    less = duration(case, constraint.DiscretizationType.Collocation)
-    reachability.TINY = TINY
-    return abs(less - case["collocation_s"])
-
-
 def case(random, index):
     """One path: 2 to 9 waypoints within a quarter of a turn to either side of rest."""
     count = 2 + index % 8
@@ -71,7 +57,6 @@ def case(random, index):
         found["start"], found["end"] = 0.05, 0.1
     found["collocation_s"] = duration(found, constraint.DiscretizationType.Collocation)
     found["interpolation_s"] = duration(found, constraint.DiscretizationType.Interpolation)
-    found["collocation_sensitivity_s"] = sensitivity(found)
     return found
 
 

@@ -11,6 +11,9 @@ const NEGLIGIBLE_SHARE: f64 = 1e-13;
 /// How far beyond the fastest of all places `x` may go where the path stands still.
 const STANDSTILL_FACTOR: f64 = 1e6;
 
+/// Share of the highest `x` of the next point that it must be possible to keep there.
+const CRAWL: f64 = 0.04;
+
 /// `|u - slope x| <= reach`: one joint's limit of acceleration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
@@ -188,7 +191,11 @@ impl Constraints {
         let x_max = self.x_max[point];
         // With rest allowed next, rest is allowed here: u = 0 and x = 0 keep every limit.
         let low = if next.low <= 0.0 { 0.0 } else { self.root(point, next, (0.0, x_max))? };
-        let high = self.root(point, next, (x_max, low))?;
+        // The highest x may force full braking, on a coarse grid even to a standstill that time
+        // cannot leave. So it must leave the choice of some speed at the next point.
+        let moving = Next { low: next.low.max(CRAWL * next.high), ..next };
+        let high = self.root(point, moving, (x_max, low));
+        let high = high.or_else(|| self.root(point, next, (x_max, low)))?;
         Some((low, high))
     }
 
