@@ -23,7 +23,7 @@ pub use limits::{JointLimits, JointType};
 pub use path::{
     ConstraintScheme, GeometricPath, Grid, JointPath, MAX_GRID_POINTS, PathError, PathRows,
     PathSample, PathState, PathTrajectory, PathTrajectoryError, RetimeError, RetimeOptions,
-    Saturation, SplineEnds, StackedPath, TimedPath, retime,
+    Saturation, SplineEnds, StackedPath, TimedPath, retime, retime_jerk_limited,
 };
 pub use pose::{Pose, PoseError};
 pub use robot_model::{

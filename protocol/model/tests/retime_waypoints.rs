@@ -11,6 +11,7 @@ use armada_model::{
 };
 use path_cases::{Case, axis};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 fn names(prefix: &str, count: usize) -> Vec<String> {
     (0..count).map(|joint| format!("{prefix}{joint}")).collect()
@@ -57,8 +58,13 @@ fn a_trapezoid_needs_four_waypoints_and_no_stretch() {
     compile(&found.trajectory, &[axis(1.0, 2.0)]);
 }
 
+fn config(cases: u32) -> ProptestConfig {
+    let rng_seed = RngSeed::Fixed(20180613);
+    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
+    #![proptest_config(config(96))]
 
     #[test]
     fn every_motion_is_accepted_and_hardly_stretched(

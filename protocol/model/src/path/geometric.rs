@@ -19,6 +19,13 @@ pub trait GeometricPath {
     /// [`coordinates`](Self::coordinates) long.
     fn evaluate(&self, s: f64, out: &mut PathRows<'_>);
 
+    /// Adds to `out` the path parameters at which the third derivative jumps, such as the knots of
+    /// a spline. Where jerk is limited they are looked at from both sides; a path that has such
+    /// places and does not tell may exceed limits there by what lies between two looks.
+    fn add_breakpoints(&self, out: &mut Vec<f64>) {
+        let _ = out;
+    }
+
     /// Writes `d³q/ds³` at `s` into `out`; needed where jerk is limited.
     ///
     /// Without an own version this is the difference quotient of the second derivative, and it
@@ -73,6 +80,10 @@ impl<P: GeometricPath + ?Sized> GeometricPath for &P {
 
     fn evaluate(&self, s: f64, out: &mut PathRows<'_>) {
         (**self).evaluate(s, out);
+    }
+
+    fn add_breakpoints(&self, out: &mut Vec<f64>) {
+        (**self).add_breakpoints(out);
     }
 
     fn third_derivative(&self, s: f64, out: &mut [f64]) {

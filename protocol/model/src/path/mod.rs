@@ -8,6 +8,7 @@
 //! Planning allocates; evaluating a path or a timed path does not.
 
 mod geometric;
+mod jerk;
 mod retime;
 mod spline;
 mod stacked;
@@ -18,6 +19,7 @@ mod waypoints;
 mod tests;
 
 pub use geometric::{GeometricPath, PathError, PathRows};
+pub use jerk::retime_jerk_limited;
 pub use retime::{ConstraintScheme, Grid, MAX_GRID_POINTS, RetimeError, RetimeOptions, retime};
 pub use spline::{JointPath, SplineEnds};
 pub use stacked::StackedPath;

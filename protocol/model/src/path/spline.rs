@@ -129,6 +129,10 @@ impl GeometricPath for JointPath {
         }
     }
 
+    fn add_breakpoints(&self, out: &mut Vec<f64>) {
+        out.extend_from_slice(&self.parameters[1..self.parameters.len() - 1]);
+    }
+
     fn third_derivative(&self, s: f64, out: &mut [f64]) {
         let (_, [_, _, _, c3]) = self.piece(s);
         for (third, c3) in out.iter_mut().zip(c3) {

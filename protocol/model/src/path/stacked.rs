@@ -82,6 +82,17 @@ impl<P: GeometricPath> GeometricPath for StackedPath<P> {
         }
     }
 
+    fn add_breakpoints(&self, out: &mut Vec<f64>) {
+        for path in &self.paths {
+            let (start, end) = path.range();
+            let first = out.len();
+            path.add_breakpoints(out);
+            for s in &mut out[first..] {
+                *s = (*s - start) / (end - start);
+            }
+        }
+    }
+
     fn third_derivative(&self, s: f64, out: &mut [f64]) {
         for (path, columns) in self.paths.iter().zip(self.columns()) {
             let (own, length) = own_parameter(path, s);

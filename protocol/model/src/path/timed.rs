@@ -147,7 +147,7 @@ impl<P: GeometricPath> TimedPath<P> {
         match self.knots.get(after.max(1)) {
             Some(next) => {
                 let state = knot.after((t_s - knot.time_s).max(0.0));
-                PathState { s: state.s.clamp(knot.s, next.s), ..state }
+                PathState { s: state.s.max(knot.s).min(next.s), ..state }
             }
             None => *knot,
         }

@@ -8,7 +8,7 @@ use crate::{
 };
 
 /// A segment is split if its cubic uses more than this beyond what the motion itself does.
-const SPLIT_ABOVE: f64 = 2e-4;
+const SPLIT_ABOVE: f64 = 1e-3;
 
 /// Shortest segment that is split, and the least that is left on either side \[s\].
 const SHORTEST_SPLIT_S: f64 = 1e-3;
@@ -138,19 +138,37 @@ impl<P: GeometricPath> TimedPath<P> {
 
     fn point(&self, time_s: f64) -> Point {
         let n = self.limits().len();
-        let mut point = Point {
-            time_s,
-            position: vec![0.0; n],
-            velocity: vec![0.0; n],
-            acceleration: vec![0.0; n],
-        };
+        let mut point = Point { time_s, position: vec![0.0; n], velocity: vec![0.0; n] };
         let mut rows = PathRows {
             position: &mut point.position,
             first: &mut point.velocity,
-            second: &mut point.acceleration,
+            second: &mut vec![0.0; n],
         };
         self.write_at(time_s, &mut rows);
         point
+    }
+
+    /// By what factor the motion between two times would have to be slower to keep its limits, as
+    /// seen at both ends and in the middle of each piece; below one if it keeps
+    /// them.
+    fn slowness_between(&self, from_s: f64, to_s: f64) -> f64 {
+        let knots = self.knots();
+        let first = knots.partition_point(|knot| knot.time_s <= from_s).saturating_sub(1);
+        let mut scratch = vec![0.0; 3 * self.limits().len()];
+        let mut needed = 0.0_f64;
+        for pair in knots[first..].windows(2).take_while(|pair| pair[0].time_s < to_s) {
+            let (low, high) = (pair[0].time_s.max(from_s), pair[1].time_s.min(to_s));
+            for time_s in [low, 0.5 * (low + high), high] {
+                let mut rows = PathRows::split(&mut scratch);
+                self.write_state(&pair[0].after(time_s - pair[0].time_s), &mut rows);
+                for (joint, axis) in self.limits().iter().enumerate() {
+                    needed = needed.max(rows.first[joint].abs() / axis.velocity);
+                    let share = rows.second[joint].abs() / axis.acceleration;
+                    needed = needed.max(share.sqrt());
+                }
+            }
+        }
+        needed
     }
 
     /// Where between two times path acceleration jumps most, if it does.
@@ -175,18 +193,9 @@ struct Point {
     time_s: f64,
     position: Vec<f64>,
     velocity: Vec<f64>,
-    acceleration: Vec<f64>,
 }
 
 impl Point {
-    /// Highest factor by which the motion here would have to be slower to keep `limits` of
-    /// acceleration; below one if it keeps them.
-    fn slowness(&self, limits: &[AxisLimits]) -> f64 {
-        let shares =
-            self.acceleration.iter().zip(limits).map(|(a, axis)| a.abs() / axis.acceleration);
-        shares.fold(0.0, f64::max).sqrt()
-    }
-
     fn into_waypoint(self, stretch: f64) -> Waypoint {
         Waypoint {
             time_from_start_s: self.time_s * stretch,
@@ -231,7 +240,7 @@ impl<P: GeometricPath> Points<'_, P> {
                 let is_long = to.time_s - from.time_s >= SHORTEST_SPLIT_S.min(0.5 * duration_s);
                 let needed = cubic.slowness();
                 let middle = self.timed.point(0.5 * (from.time_s + to.time_s));
-                let is_rough = needed > self.allowed([from, &middle, &to])
+                let is_rough = needed > self.allowed(needed, (from.time_s, to.time_s))
                     || cubic.deviation(&middle) > MAX_DEVIATION
                     || cubic.beyond().is_some();
                 if is_long && is_rough {
@@ -263,11 +272,15 @@ impl<P: GeometricPath> Points<'_, P> {
         self.timed.jump_between(time_s - reach_s, time_s + reach_s).unwrap_or(time_s)
     }
 
-    /// Slowness that splitting between these points would hardly reduce.
-    fn allowed(&self, points: [&Point; 3]) -> f64 {
-        let limits = self.timed.limits();
-        points.map(|point| point.slowness(limits)).into_iter().fold(1.0, f64::max)
-            * (1.0 + SPLIT_ABOVE)
+    /// Slowness that splitting between two times would hardly reduce; not looked for if `needed`
+    /// is hardly more than one.
+    fn allowed(&self, needed: f64, (from_s, to_s): (f64, f64)) -> f64 {
+        let motion = if needed > 1.0 + SPLIT_ABOVE {
+            self.timed.slowness_between(from_s, to_s).max(1.0)
+        } else {
+            1.0
+        };
+        motion * (1.0 + SPLIT_ABOVE)
     }
 }
 

@@ -39,6 +39,14 @@ pub enum RetimeError {
         /// The value.
         value: f64,
     },
+    /// A motion that is limited in jerk shall begin or end in motion.
+    #[error("{field} is {value}, but a jerk-limited motion starts and ends at rest")]
+    NotFromRest {
+        /// Which of the options.
+        field: &'static str,
+        /// The value.
+        value: f64,
+    },
     /// The range of the path parameter is not finite, or not increasing.
     #[error("path parameter goes from {start} to {end}, expected finite and increasing")]
     Range {

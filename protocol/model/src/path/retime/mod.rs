@@ -91,8 +91,40 @@ pub fn retime<P: GeometricPath>(
     limits: &[AxisLimits],
     options: &RetimeOptions,
 ) -> Result<TimedPath<P>, RetimeError> {
-    let table = PathTable::sample(&path, limits, options)?;
-    let constraints = Constraints::new(&table, limits, options, &[])?;
-    let squared = passes::solve(&constraints, options).map_err(|failure| failure.at(&table))?;
-    TimedPath::from_squared_velocities(path, limits, &table.s, &squared)
+    let retimer = Retimer::new(&path, limits, options)?;
+    let knots = retimer.retime(&[])?.knots().to_vec();
+    Ok(TimedPath::from_knots(path, limits, knots))
+}
+
+/// A path on its grid, to be retimed once or more often.
+pub(super) struct Retimer<'a, P> {
+    path: &'a P,
+    limits: &'a [AxisLimits],
+    options: &'a RetimeOptions,
+    table: PathTable,
+}
+
+impl<'a, P: GeometricPath> Retimer<'a, P> {
+    pub(super) fn new(
+        path: &'a P,
+        limits: &'a [AxisLimits],
+        options: &'a RetimeOptions,
+    ) -> Result<Self, RetimeError> {
+        let table = PathTable::sample(path, limits, options)?;
+        Ok(Self { path, limits, options, table })
+    }
+
+    /// Path parameters of the grid points.
+    pub(super) fn grid(&self) -> &[f64] {
+        &self.table.s
+    }
+
+    /// The fastest motion if at grid point `i` everything is slower by `slowness[i] <= 1`: velocity
+    /// limits by that factor, acceleration limits by its square. Empty means one everywhere.
+    pub(super) fn retime(&self, slowness: &[f64]) -> Result<TimedPath<&'a P>, RetimeError> {
+        let Self { path, limits, options, table } = self;
+        let constraints = Constraints::new(table, limits, options, slowness)?;
+        let squared = passes::solve(&constraints, options).map_err(|failure| failure.at(table))?;
+        TimedPath::from_squared_velocities(path, limits, &table.s, &squared)
+    }
 }

@@ -50,7 +50,7 @@ pub(super) fn solve(
         let (low, high) = sets[point + 1];
         let band = constraints.band(point, Next { low, high, step }, x);
         // Where rounding has emptied the band, its ends differ by rounding.
-        let next = (x + step * band.high).clamp(low, high);
+        let next = (x + step * band.high).max(low).min(high);
         sets[point].1 = x;
         x = next;
     }
@@ -107,5 +107,5 @@ fn start(
         let kind = FailureKind::TooSlow { value: start_velocity, lowest: lowest.sqrt() };
         return refuse(lowest, kind);
     }
-    Ok(x.clamp(lowest, highest))
+    Ok(x.max(lowest).min(highest))
 }
