@@ -46,9 +46,9 @@ const HALVINGS: u32 = 48;
 /// jerk, one per coordinate; acceleration is continuous. Positions of the path are checked too.
 ///
 /// Limits are checked in steps of a two-hundredth of the time that a joint takes to its highest
-/// acceleration, 0.25 ms where the jerk limit is the default one. The motion is not optimal, but usually takes
-/// only some hundredths longer than [`retime`](super::retime()), and a hundred times as long to
-/// find.
+/// acceleration, 0.25 ms where the jerk limit is the default one. The motion is not optimal, but
+/// where joints reach their limits of acceleration it takes only some hundredths longer than that of
+/// [`retime`](super::retime()). It costs some hundred times as much to find: tens of milliseconds.
 ///
 /// # Errors
 /// [`RetimeError`] as for [`retime`](super::retime()), and [`RetimeError::NotFromRest`] if the

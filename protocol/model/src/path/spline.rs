@@ -185,7 +185,7 @@ fn check_parameters(parameters: &[f64], waypoints: usize) -> Result<(), PathErro
 /// of the slopes before, at and after knot `i`.
 ///
 /// Source: C. de Boor, A Practical Guide to Splines, revised edition, chapter IV, "cubic spline
-/// interpolation", equations (8) and, for not-a-knot, (14).
+/// interpolation": equation (8), and its end conditions.
 struct Tridiagonal {
     rows: Vec<[f64; 3]>,
     ends: SplineEnds,

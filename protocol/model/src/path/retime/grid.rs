@@ -11,8 +11,8 @@ pub(super) const MIN_GRID_POINTS: usize = 3;
 pub const MAX_GRID_POINTS: usize = 100_000;
 
 /// Intervals of an adaptive grid before it is refined, and how often each may be halved.
-const ADAPTIVE_INTERVALS: u32 = 256;
-const ADAPTIVE_HALVINGS: u32 = 4;
+const ADAPTIVE_INTERVALS: u32 = 512;
+const ADAPTIVE_HALVINGS: u32 = 3;
 
 /// An interval of an adaptive grid is halved if across it a joint's share `q'/limit` changes by
 /// more than `MAX_TURN` of the largest share there, or leaves a line by more than `MAX_BEND`. With
@@ -26,7 +26,7 @@ const MAX_BEND: f64 = 0.0001;
 pub enum Grid {
     /// As many points in equal steps of the path parameter; 3 to [`MAX_GRID_POINTS`].
     Uniform(usize),
-    /// 256 intervals, halved where the path bends until it hardly does within one.
+    /// 512 intervals, halved where the path bends until it hardly does within one.
     #[default]
     Adaptive,
 }

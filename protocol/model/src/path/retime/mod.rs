@@ -7,8 +7,8 @@
 //! `u` that stays inside.
 //!
 //! Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization Based on
-//! Reachability Analysis, IEEE Transactions on Robotics 34(3), 2018, algorithm 1; section VI-A for
-//! the two schemes of constraints.
+//! Reachability Analysis, IEEE Transactions on Robotics 34(3), 2018, algorithm 1 and the two
+//! schemes of discretising constraints.
 
 mod constraints;
 mod error;
