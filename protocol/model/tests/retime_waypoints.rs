@@ -95,7 +95,8 @@ proptest! {
             case.waypoints.iter().map(|row| row.iter().map(|q| q * k).collect()).collect();
         let path = JointPath::through(&rows, SplineEnds::Clamped).expect("a path");
         for scheme in [ConstraintScheme::Collocation, ConstraintScheme::Interpolation] {
-            let options = RetimeOptions { scheme, grid: Grid::Uniform(points), ..RetimeOptions::default() };
+            let grid = Grid::Uniform(points);
+            let options = RetimeOptions { scheme, grid, ..RetimeOptions::default() };
             let timed = retime(&path, &case.limits, &options).expect("retimed");
             let found = timed.to_trajectory(&names("j", 7), 0.01).expect("waypoints");
             compile(&found.trajectory, &case.limits);

@@ -47,8 +47,8 @@ const HALVINGS: u32 = 48;
 ///
 /// Limits are checked in steps of a two-hundredth of the time that a joint takes to its highest
 /// acceleration, 0.25 ms where the jerk limit is the default one. The motion is not optimal, but
-/// where joints reach their limits of acceleration it takes only some hundredths longer than that of
-/// [`retime`](super::retime()). It costs some hundred times as much to find: tens of milliseconds.
+/// where joints reach their limits of acceleration it takes only some hundredths longer than that
+/// of [`retime`](super::retime()). It costs some hundred times as much to find: tens of milliseconds.
 ///
 /// # Errors
 /// [`RetimeError`] as for [`retime`](super::retime()), and [`RetimeError::NotFromRest`] if the

@@ -17,7 +17,7 @@ pub struct StackedPath<P> {
 }
 
 impl<P: GeometricPath> StackedPath<P> {
-    /// The paths in the order of `paths`. For different kinds of path take `P = &dyn GeometricPath`.
+    /// The paths in the order of `paths`. For different kinds take `P = &dyn GeometricPath`.
     ///
     /// # Errors
     /// [`PathError::NoCoordinates`] if there is no path.

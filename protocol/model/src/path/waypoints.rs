@@ -86,8 +86,8 @@ impl<P: GeometricPath> TimedPath<P> {
     /// order of the coordinates.
     ///
     /// The cubics between them are checked at their extremes. Where they use more of a limit than
-    /// the motion itself, as at a switch of acceleration, or leave the path by more than 1e-4 rad or
-    /// m in their middle, waypoints are added; what is then still beyond a limit is removed by
+    /// the motion itself, as at a switch of acceleration, or leave the path by more than 1e-4 rad
+    /// or m in their middle, waypoints are added; what is then still beyond a limit is removed by
     /// slowing the whole motion down. So
     /// [`CompiledTrajectory::compile`](crate::CompiledTrajectory::compile) accepts the result for
     /// the limits that the path was retimed with. Acceleration may jump at waypoints; jerk is not

@@ -44,12 +44,15 @@ def duration(case, scheme):
 def case(random, index):
     """One path: 2 to 9 waypoints within a quarter of a turn to either side of rest."""
     count = 2 + index % 8
+    velocity = random.uniform(0.8, 3.0, JOINTS)
+    acceleration = random.uniform(2.0, 15.0, JOINTS)
+    rows = random.uniform(-1.6, 1.6, (count, JOINTS))
     found = {
         "ends": "natural" if index % 5 == 3 else "clamped" if index % 20 == 4 else "not_a_knot",
         "parameter": "uniform" if index % 4 == 2 else "chord",
-        "velocity": [round(v, 3) for v in random.uniform(0.8, 3.0, JOINTS)],
-        "acceleration": [round(a, 3) for a in random.uniform(2.0, 15.0, JOINTS)],
-        "waypoints": [[round(q, 4) for q in row] for row in random.uniform(-1.6, 1.6, (count, JOINTS))],
+        "velocity": [round(v, 3) for v in velocity],
+        "acceleration": [round(a, 3) for a in acceleration],
+        "waypoints": [[round(q, 4) for q in row] for row in rows],
         "start": 0.0,
         "end": 0.0,
     }

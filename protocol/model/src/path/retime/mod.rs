@@ -68,8 +68,8 @@ impl Default for RetimeOptions {
 /// The fastest motion along `path` within `limits` of velocity and acceleration, one per
 /// coordinate; positions of the path are checked too, jerk is not limited.
 ///
-/// Exact to the second order of the grid's steps: limits may be exceeded by some thousandths between
-/// grid points.
+/// Exact to the second order of the grid's steps: limits may be exceeded by some thousandths
+/// between grid points.
 ///
 /// ```
 /// use armada_model::{JointLimits, JointPath, MotionLimits, RetimeOptions, SplineEnds, retime};
