@@ -4,6 +4,7 @@
 //! URDF text --urdf--> RobotModel --kinematics--> poses of links
 //! base and tip --Chain--> pose, Jacobian and twist of a tool; joint velocities for a twist
 //! pose --InverseKinematics--> joint positions, or what is in the way
+//! waypoints --path--> q(s) --retime--> q(s(t)) --to_trajectory--> waypoints with times
 //! waypoints --trajectory--> validated piecewise cubic --sample--> set-points
 //! waypoints --trajectory--> validated piecewise polynomial --sample--> set-points
 //! ```
@@ -17,6 +18,7 @@ mod analytic;
 mod joint_vector;
 mod kinematics;
 mod limits;
+mod path;
 mod pose;
 mod robot_model;
 mod srdf;
@@ -42,6 +44,11 @@ pub use kinematics::{
     ResolvedVelocity, SingularValues, Twist, Wrench,
 };
 pub use limits::{JointLimits, JointType};
+pub use path::{
+    ConstraintScheme, GeometricPath, Grid, JointPath, MAX_GRID_POINTS, PathError, PathRows,
+    PathSample, PathState, PathTrajectory, PathTrajectoryError, RetimeError, RetimeOptions,
+    Saturation, SplineEnds, StackedPath, TimedPath, retime, retime_jerk_limited,
+};
 pub use pose::{Pose, PoseError};
 pub use robot_model::{
     Collision, Inertial, Joint, KinematicsError, Link, Motion, PositionSource, RobotModel, Shape,
