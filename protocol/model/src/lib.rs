@@ -10,6 +10,7 @@
 
 mod joint_vector;
 mod limits;
+mod online;
 mod pose;
 mod robot_model;
 mod time;
@@ -18,6 +19,10 @@ mod urdf;
 
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
+pub use online::{
+    AxisDurations, AxisMotion, AxisPoint, AxisRequest, MAX_ONLINE_VALUE, OnlineError,
+    OnlineGenerator, OnlineOptions, OnlineState, RuckigGenerator, Synchronisation,
+};
 pub use pose::{Pose, PoseError};
 pub use robot_model::{
     Collision, Inertial, Joint, KinematicsError, Link, Motion, PositionSource, RobotModel, Shape,
