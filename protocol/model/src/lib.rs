@@ -20,8 +20,9 @@ mod urdf;
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
 pub use online::{
-    AxisDurations, AxisMotion, AxisPoint, AxisRequest, MAX_ONLINE_VALUE, OnlineError,
-    OnlineGenerator, OnlineOptions, OnlineState, RuckigGenerator, Synchronisation,
+    AxisDurations, AxisMotion, AxisPoint, AxisRequest, JerkLimitedMove, JerkLimitedStop,
+    MAX_ONLINE_VALUE, OnlineError, OnlineGenerator, OnlineOptions, OnlineState, Retargeter,
+    RuckigGenerator, Synchronisation,
 };
 pub use pose::{Pose, PoseError};
 pub use robot_model::{

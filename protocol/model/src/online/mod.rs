@@ -16,10 +16,20 @@
 
 mod axis;
 mod generator;
+mod jerk_limited;
+mod line;
 mod request;
+mod retargeter;
 mod ruckig;
+mod stop;
+
+#[cfg(test)]
+mod tests;
 
 pub use axis::{AxisMotion, AxisPoint};
 pub use generator::{AxisDurations, AxisRequest, OnlineGenerator};
+pub use jerk_limited::JerkLimitedMove;
 pub use request::{MAX_ONLINE_VALUE, OnlineError, OnlineOptions, OnlineState, Synchronisation};
+pub use retargeter::Retargeter;
 pub use ruckig::RuckigGenerator;
+pub use stop::JerkLimitedStop;
