@@ -10,6 +10,7 @@
 
 mod joint_vector;
 mod limits;
+mod on_path;
 mod online;
 mod pose;
 mod robot_model;
@@ -19,6 +20,9 @@ mod urdf;
 
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
+pub use on_path::{
+    CurveBounds, CurvePoint, OnPath, OnPathError, PathState, PredictedStop, Span, TimedCurve,
+};
 pub use online::{
     AxisDurations, AxisMotion, AxisPoint, AxisRequest, JerkLimitedMove, JerkLimitedStop,
     MAX_ONLINE_VALUE, OnlineError, OnlineGenerator, OnlineOptions, OnlineState, Retargeter,

@@ -241,6 +241,21 @@ impl AxisMotion {
         self.phases.iter().zip(ends).map(|(phase, (end, end_s))| (phase, end, end_s))
     }
 
+    /// Calls `piece` with velocity, acceleration, jerk and length \[s\] of each part of a phase that
+    /// lies between two times \[s\]; both phases at a border between them, and rest after the end.
+    pub(crate) fn pieces(&self, from_s: f64, to_s: f64, mut piece: impl FnMut([f64; 3], f64)) {
+        for (phase, _, end_s) in self.phases() {
+            if phase.start_s <= to_s && end_s >= from_s {
+                let begin_s = from_s.max(phase.start_s);
+                let at = phase.start.after(begin_s - phase.start_s, phase.jerk);
+                piece([at.velocity, at.acceleration, phase.jerk], to_s.min(end_s) - begin_s);
+            }
+        }
+        if to_s >= self.end_s {
+            piece([0.0; 3], 0.0);
+        }
+    }
+
     /// Highest absolute jerk, and the ranges of acceleration, velocity and position: exact.
     pub(crate) fn jerk_peak(&self) -> f64 {
         self.phases.iter().map(|phase| phase.jerk.abs()).fold(0.0, f64::max)

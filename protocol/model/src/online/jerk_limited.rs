@@ -160,7 +160,7 @@ impl JerkLimitedMove {
         Self { axes, duration_s, is_straight: false }
     }
 
-    pub(super) fn axes(&self) -> &[AxisMotion] {
+    pub(crate) fn axes(&self) -> &[AxisMotion] {
         &self.axes
     }
 }

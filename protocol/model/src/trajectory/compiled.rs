@@ -141,8 +141,15 @@ impl CompiledTrajectory {
         Sample { position, velocity, waypoint: segment }
     }
 
+    /// Beginning and end of segment `index` \[s\], and its four rows of coefficients; the index must
+    /// be below the number of waypoints less one.
+    pub(crate) fn segment(&self, index: usize) -> (f64, f64, &[f64]) {
+        let size = 4 * self.joint_count();
+        (self.times[index], self.times[index + 1], &self.coefficients[size * index..][..size])
+    }
+
     /// The segment that holds `t_s`, which lies between zero and the duration.
-    fn segment_at(&self, t_s: f64, hint: usize) -> usize {
+    pub(crate) fn segment_at(&self, t_s: f64, hint: usize) -> usize {
         let near = self.times.get(hint..).filter(|times| times.first().is_some_and(|&t| t <= t_s));
         if let Some(times) = near {
             let ahead = times.iter().take(LOOK_AHEAD + 1).take_while(|&&t| t <= t_s).count();
