@@ -22,6 +22,7 @@ pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use limits::{JointLimits, JointType};
 pub use on_path::{
     CurveBounds, CurvePoint, OnPath, OnPathError, PathState, PredictedStop, Span, TimedCurve,
+    Transition,
 };
 pub use online::{
     AxisDurations, AxisMotion, AxisPoint, AxisRequest, JerkLimitedMove, JerkLimitedStop,

@@ -3,6 +3,7 @@
 
 mod counting_allocator;
 mod paths;
+mod set_points;
 mod uniform;
 
 use armada_model::{
@@ -10,7 +11,8 @@ use armada_model::{
     OnPathError, OnlineOptions, OnlineState, TimedCurve,
 };
 use counting_allocator::allocations_of;
-use paths::{Path, SetPoints, path};
+use paths::{Path, path};
+use set_points::SetPoints;
 use uniform::Uniform;
 
 const PERIOD_S: f64 = 1e-3;

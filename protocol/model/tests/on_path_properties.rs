@@ -2,10 +2,14 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod paths;
+mod set_points;
 mod uniform;
 
+use std::fmt::Arguments;
+
 use armada_model::{OnPath, PathState, TimedCurve};
-use paths::{Path, SetPoints, path};
+use paths::{Path, path};
+use set_points::SetPoints;
 use uniform::Uniform;
 
 const PERIOD_S: f64 = 1e-3;
@@ -38,7 +42,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    fn see(&mut self, dt_s: f64, seen: &PathState, told: &str) {
+    fn see(&mut self, dt_s: f64, seen: &PathState, told: Arguments<'_>) {
         self.time_s += dt_s;
         let Path { curve, limits } = self.path;
         assert!(seen.phase_s >= self.phase_s, "{told}: the phase went backward");
@@ -68,7 +72,7 @@ impl<'a> Watch<'a> {
     /// The jerk that the motion adds to its curve, from the differences of the phase over three
     /// punctual ticks. They are means, and the curve may have a knot among the ticks, so the jerk is
     /// taken where it is lowest.
-    fn see_jerk(&mut self, dt_s: f64, seen: &PathState, told: &str) {
+    fn see_jerk(&mut self, dt_s: f64, seen: &PathState, told: Arguments<'_>) {
         self.phases.push(self.time_s, seen.phase_s);
         self.punctual = if dt_s == PERIOD_S { self.punctual + 1 } else { 0 };
         let Path { curve, limits } = self.path;
@@ -80,14 +84,14 @@ impl<'a> Watch<'a> {
         if self.punctual < 4 || seen.phase_s >= curve.duration_s() {
             return;
         }
+        let points = [0.0, 1.0, 2.0, 3.0]
+            .map(|ticks_ago| curve.point(seen.phase_s - ticks_ago * PERIOD_S * seen.rate, &mut 0));
         for (joint, axis) in limits.iter().enumerate() {
-            let added = |ticks_ago: f64| {
-                let phase_s = seen.phase_s - ticks_ago * PERIOD_S * seen.rate;
-                let point = curve.point(phase_s, &mut 0);
+            let added = points.iter().map(|point| {
                 let cross = 3.0 * point.second[joint] * seen.rate * slope;
                 (point.first[joint] * curvature + cross).abs()
-            };
-            let added = [0.0, 1.0, 2.0, 3.0].map(added).into_iter().fold(f64::INFINITY, f64::min);
+            });
+            let added = added.fold(f64::INFINITY, f64::min);
             let within = added <= axis.jerk * 1.02 + 0.1;
             assert!(within, "{told}, joint {joint}: adds jerk {added}, limit {}", axis.jerk);
         }
@@ -127,7 +131,8 @@ fn no_story_of_pauses_speeds_and_late_ticks_breaks_a_limit() {
             for _ in 0..random.below(150.0) {
                 let dt_s = random_dt(&mut random);
                 let seen = motion.tick(&path.curve, dt_s);
-                watch.see(dt_s, &seen, &format!("seed {seed}, event {event}, {} s", watch.time_s));
+                let time_s = watch.time_s;
+                watch.see(dt_s, &seen, format_args!("seed {seed}, event {event}, {time_s} s"));
             }
             watch.asked = random_demand(&mut random, &mut motion, &mut ratio);
             watch.has_settled = false;
@@ -139,7 +144,7 @@ fn no_story_of_pauses_speeds_and_late_ticks_breaks_a_limit() {
         let mut ticks = 0;
         while !motion.is_finished() {
             let seen = motion.tick(&path.curve, PERIOD_S);
-            watch.see(PERIOD_S, &seen, &format!("seed {seed}, the end"));
+            watch.see(PERIOD_S, &seen, format_args!("seed {seed}, the end"));
             ticks += 1;
             assert!(ticks < 100_000, "seed {seed}: does not end");
         }

@@ -1,12 +1,14 @@
 //! Random stories of retargets, stops and late ticks: no set-point breaks a limit.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
+mod set_points;
 mod uniform;
 
 use armada_model::{
     AxisLimits, JerkLimitedMove, JerkLimitedStop, JointLimits, JointVector, MotionLimits,
     OnlineError, OnlineOptions, OnlineState, Retargeter, Synchronisation,
 };
+use set_points::SetPoints;
 use uniform::Uniform;
 
 const PERIOD_S: f64 = 1e-3;
@@ -58,42 +60,15 @@ fn random_dt(random: &mut Uniform) -> f64 {
     if random.chance(0.1) { PERIOD_S * random.between(1.0, 20.0) } else { PERIOD_S }
 }
 
-/// The set-points of one joint as a loop sends them: their times, and their divided differences.
-#[derive(Default)]
-struct SetPoints {
-    at: Vec<(f64, f64)>,
-}
-
-impl SetPoints {
-    fn push(&mut self, time_s: f64, position: f64) {
-        self.at.push((time_s, position));
-    }
-
-    /// The mean of derivative `order` over the last `order + 1` set-points.
-    fn mean_derivative(&self, order: usize) -> Option<f64> {
-        let last = self.at.len().checked_sub(order + 1)?;
-        let mut row: Vec<f64> = self.at[last..].iter().map(|point| point.1).collect();
-        let times: Vec<f64> = self.at[last..].iter().map(|point| point.0).collect();
-        let mut factorial = 1.0;
-        for level in 1..=order {
-            for index in 0..=order - level {
-                row[index] = (row[index + 1] - row[index]) / (times[index + level] - times[index]);
-            }
-            factorial *= f64::from(u32::try_from(level).expect("small"));
-        }
-        Some(factorial * row[0])
-    }
-
-    /// Checks velocity, acceleration and jerk of the last set-points, with rounding of positions.
-    fn check(&self, limits: &AxisLimits, told: &str) {
-        let bounds = [limits.velocity, limits.acceleration, limits.jerk];
-        for (order, bound) in (1..=3).zip(bounds) {
-            let rounding = 1e-14 / PERIOD_S.powi(order);
-            let order = usize::try_from(order).expect("small");
-            if let Some(value) = self.mean_derivative(order) {
-                let within = value.abs() <= bound * (1.0 + 1e-6) + rounding;
-                assert!(within, "{told}: difference {order} is {value}, limit {bound}");
-            }
+/// Checks velocity, acceleration and jerk of the last set-points, with rounding of positions.
+fn check_differences(sent: &SetPoints, limits: &AxisLimits, told: &str) {
+    let bounds = [limits.velocity, limits.acceleration, limits.jerk];
+    for (order, bound) in (1..=3).zip(bounds) {
+        let rounding = 1e-14 / PERIOD_S.powi(order);
+        let order = usize::try_from(order).expect("small");
+        if let Some(value) = sent.mean_derivative(order) {
+            let within = value.abs() <= bound * (1.0 + 1e-6) + rounding;
+            assert!(within, "{told}: difference {order} is {value}, limit {bound}");
         }
     }
 }
@@ -143,7 +118,7 @@ fn no_set_point_of_any_story_of_retargets_and_late_ticks_breaks_a_limit() {
                 check_state(&state, &limits, &told);
                 for ((joint, axis), sent) in limits.iter().enumerate().zip(&mut sent) {
                     sent.push(time_s, state.position[joint]);
-                    sent.check(axis, &told);
+                    check_differences(sent, axis, &told);
                 }
             }
         }

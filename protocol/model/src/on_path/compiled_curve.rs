@@ -52,8 +52,12 @@ impl TimedCurve for CompiledTrajectory {
             }
             index += 1;
             if end_s > to_s || index > self.waypoint_count() - 2 {
-                return;
+                break;
             }
+        }
+        // At rest after the end.
+        for joint in (0..joints).filter(|_| to_s >= self.duration_s()) {
+            bounds.include_cubic(joint, [0.0; 3], 0.0);
         }
     }
 }

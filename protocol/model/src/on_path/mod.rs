@@ -3,6 +3,7 @@
 //! ```text
 //! TimedCurve, limits --start--> OnPath --tick(curve, dt)--> PathState
 //!                                 ^ set_speed_ratio, pause, resume, stop
+//! OnlineState, next curve --plan--> Transition --at(t)--> OnlineState, then OnPath::join
 //! ```
 //!
 //! # The model
@@ -56,6 +57,8 @@ mod legality;
 mod motion;
 mod move_curves;
 mod rate;
+mod transition;
 
 pub use curve::{CurveBounds, CurvePoint, Span, TimedCurve};
 pub use motion::{OnPath, OnPathError, PathState, PredictedStop};
+pub use transition::Transition;

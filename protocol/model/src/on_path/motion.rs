@@ -6,11 +6,14 @@ use super::rate::{RATE_TOLERANCE, Rate};
 use crate::{JointVector, MotionLimits, OnlineState};
 
 /// Longest step in which the rate is planned \[s\], while a tick has not more than
-/// [`MAX_SUBSTEPS`] of them.
+/// [`MAX_SUBSTEPS`] of them; beyond, steps are longer, which is as legal but less eager.
 const SUBSTEP_S: f64 = 1e-3;
 
-/// Most steps of one tick; beyond, steps are longer, which is as legal but less eager.
-const MAX_SUBSTEPS: u32 = 32;
+/// Most steps of one tick.
+const MAX_SUBSTEPS: u32 = 250;
+
+/// Longest step at all \[s\]; what a tick has left after its last step it goes at a constant rate.
+const MAX_SUBSTEP_S: f64 = 0.02;
 
 /// Shares of the strongest step that are tried, from that of the way back at 0.
 const SHARES: [f64; 6] = [1.0, 0.97, 0.9, 0.75, 0.5, 0.2];
@@ -113,6 +116,22 @@ impl OnPath {
             demand: Demand::Run,
             has_begun: false,
         })
+    }
+
+    /// On its way at `phase_s` \[s\] of `curve`, as fast as it was made: where a
+    /// [`Transition`](super::Transition) has led the joints.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn join(
+        curve: &impl TimedCurve,
+        limits: &MotionLimits,
+        phase_s: f64,
+    ) -> Result<Self, OnPathError> {
+        let mut motion = Self::start(curve, limits)?;
+        motion.rate.phase_s = phase_s.clamp(0.0, motion.duration_s);
+        motion.has_begun = motion.rate.phase_s > 0.0;
+        Ok(motion)
     }
 
     /// Runs at `ratio` times the speed that the curve was made for, from 0 to 1, as soon as the
@@ -250,20 +269,31 @@ impl OnPath {
             return self.run(dt_s);
         }
         let steps = (dt_s / SUBSTEP_S).ceil().clamp(1.0, f64::from(MAX_SUBSTEPS));
-        let length_s = dt_s / steps;
+        let length_s = (dt_s / steps).min(MAX_SUBSTEP_S);
         let mut passed_s = 0.0;
         for step in 0..MAX_SUBSTEPS {
-            let left_s = dt_s - f64::from(step) * length_s;
-            if f64::from(step) >= steps || self.is_finished() {
+            let is_over = f64::from(step) >= steps || self.is_finished();
+            if is_over || self.is_settled() {
                 break;
-            }
-            if self.is_settled() {
-                return passed_s + self.run(left_s);
             }
             passed_s += self.ramp(curve, length_s);
         }
+        let left_s = dt_s - passed_s;
+        if left_s > 1e-9 * length_s {
+            passed_s += self.settle();
+            passed_s += self.run((dt_s - passed_s).max(0.0));
+        }
         self.end();
         passed_s
+    }
+
+    /// Follows the verified way back to its end, and returns how long that takes \[s\].
+    fn settle(&mut self) -> f64 {
+        let settle_s = self.rate.slope.abs() / self.way_back;
+        if settle_s > 0.0 {
+            self.go_back(settle_s, self.asked());
+        }
+        settle_s
     }
 
     fn is_settled(&self) -> bool {
@@ -311,7 +341,6 @@ impl OnPath {
                 bounds: CurveBounds::EMPTY,
             };
             let found = strongest(&mut legality, self.rate, self.way_back, asked, length_s);
-            self.hint = legality.hint;
             if let Some((next, way_back)) = found {
                 self.rate = next;
                 self.way_back = way_back;

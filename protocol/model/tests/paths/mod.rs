@@ -78,30 +78,3 @@ pub(crate) fn path(random: &mut Uniform) -> Path {
     let curve = compile(high * slack).expect("it was legal, so slower is");
     Path { curve, limits }
 }
-
-/// The set-points of one joint as a loop sends them, and their divided differences.
-#[derive(Default)]
-pub(crate) struct SetPoints {
-    at: Vec<(f64, f64)>,
-}
-
-impl SetPoints {
-    pub(crate) fn push(&mut self, time_s: f64, value: f64) {
-        self.at.push((time_s, value));
-    }
-
-    /// The mean of derivative `order` over the last `order + 1` set-points.
-    pub(crate) fn mean_derivative(&self, order: usize) -> Option<f64> {
-        let last = self.at.len().checked_sub(order + 1)?;
-        let mut row: Vec<f64> = self.at[last..].iter().map(|point| point.1).collect();
-        let times: Vec<f64> = self.at[last..].iter().map(|point| point.0).collect();
-        let mut factorial = 1.0;
-        for level in 1..=order {
-            for index in 0..=order - level {
-                row[index] = (row[index + 1] - row[index]) / (times[index + level] - times[index]);
-            }
-            factorial *= f64::from(u32::try_from(level).expect("small"));
-        }
-        Some(factorial * row[0])
-    }
-}
