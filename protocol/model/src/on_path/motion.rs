@@ -33,6 +33,30 @@ const PREDICTION_STEPS: u32 = 4096;
 ///      |  +--------- resume ---------+-- pause: a ratio of 0 that remembers
 ///      +---> finished: at rest at exactly the end
 /// ```
+///
+/// ```
+/// # use armada_model::{JointLimits, JointMove, JointVector, MotionLimits, MotionState, OnPath};
+/// # let joint = JointLimits {
+/// #     velocity: 1.0, acceleration: Some(2.0), jerk: Some(40.0), ..JointLimits::default()
+/// # };
+/// # let limits = MotionLimits::new(&[joint])?;
+/// # let zero = JointVector::zeros(1)?;
+/// # let start = MotionState { position: zero, velocity: zero };
+/// let curve = JointMove::plan(&start, &JointVector::from_slice(&[3.0])?, &limits)?;
+/// let mut motion = OnPath::start(&curve, &limits)?;
+/// motion.tick(&curve, 1.0);
+/// motion.pause()?;
+/// while !motion.is_at_rest() {
+///     motion.tick(&curve, 0.001); // the position to send is in what it returns
+/// }
+/// motion.set_speed_ratio(0.5)?;
+/// motion.resume()?;
+/// while !motion.is_finished() {
+///     motion.tick(&curve, 0.001);
+/// }
+/// assert_eq!(motion.state(&curve).state.position, curve.target());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct OnPath {
     limits: MotionLimits,

@@ -54,6 +54,14 @@ pub struct JerkLimitedMove {
     is_straight: bool,
 }
 
+/// What [`JerkLimitedMove::plan`] is asked for.
+struct Request<'a> {
+    state: &'a OnlineState,
+    target: &'a OnlineState,
+    limits: &'a MotionLimits,
+    options: &'a OnlineOptions,
+}
+
 impl JerkLimitedMove {
     /// The fastest motion from `state` to `target` that `options` allow.
     ///
@@ -84,6 +92,26 @@ impl JerkLimitedMove {
         limits: &MotionLimits,
         options: &OnlineOptions,
     ) -> Result<Self, OnlineError> {
+        let mut motion = Self::empty();
+        motion.replan(generator, state, target, limits, options)?;
+        Ok(motion)
+    }
+
+    /// Of no joints.
+    pub(super) const fn empty() -> Self {
+        Self { axes: ArrayVec::new_const(), duration_s: 0.0, is_straight: false }
+    }
+
+    /// As [`plan_with`](Self::plan_with), in place: it is some 10 kB. What it was is lost, also on
+    /// an error.
+    pub(super) fn replan(
+        &mut self,
+        generator: &mut impl OnlineGenerator,
+        state: &OnlineState,
+        target: &OnlineState,
+        limits: &MotionLimits,
+        options: &OnlineOptions,
+    ) -> Result<(), OnlineError> {
         state.check(["start position", "start velocity", "start acceleration"], limits.len())?;
         target.check_target(limits)?;
         let least_s = options.minimum_duration_s;
@@ -94,17 +122,16 @@ impl JerkLimitedMove {
             Synchronisation::Phase => Line::through(state, target, limits),
             Synchronisation::Time | Synchronisation::None => None,
         };
-        let straight = line.and_then(|line| line.plan(generator, least_s));
-        let (axes, is_straight) = match straight {
-            Some(axes) => (axes, true),
-            None => (separate(generator, state, target, limits, options)?, false),
-        };
-        let duration_s = axes.iter().map(AxisMotion::arrival_s).fold(0.0, f64::max);
-        let mut motion = Self { axes, duration_s, is_straight };
-        for (joint, (axis, limits)) in motion.axes.iter_mut().zip(limits.iter()).enumerate() {
+        let axes = &mut self.axes;
+        self.is_straight = line.is_some_and(|line| line.plan(generator, least_s, axes).is_some());
+        if !self.is_straight {
+            separate(generator, &Request { state, target, limits, options }, axes)?;
+        }
+        self.duration_s = axes.iter().map(AxisMotion::arrival_s).fold(0.0, f64::max);
+        for (joint, (axis, limits)) in axes.iter_mut().zip(limits.iter()).enumerate() {
             finish(joint, axis, target.axis(joint), limits)?;
         }
-        Ok(motion)
+        Ok(())
     }
 
     /// When the last joint reaches its target \[s\].
@@ -168,11 +195,10 @@ impl JerkLimitedMove {
 /// Each joint on its own way, at one common duration unless there is no synchronisation.
 fn separate(
     generator: &mut impl OnlineGenerator,
-    state: &OnlineState,
-    target: &OnlineState,
-    limits: &MotionLimits,
-    options: &OnlineOptions,
-) -> Result<ArrayVec<AxisMotion, MAX_JOINTS>, OnlineError> {
+    request: &Request<'_>,
+    axes: &mut ArrayVec<AxisMotion, MAX_JOINTS>,
+) -> Result<(), OnlineError> {
+    let Request { state, target, limits, options } = request;
     let mut durations: ArrayVec<AxisDurations, MAX_JOINTS> = ArrayVec::new();
     for (joint, &limits) in limits.iter().enumerate() {
         let request = AxisRequest { from: state.axis(joint), to: target.axis(joint), limits };
@@ -181,29 +207,35 @@ fn separate(
     }
     let least_s = options.minimum_duration_s;
     if options.synchronisation == Synchronisation::None {
-        let each = durations.iter().enumerate().map(|(joint, durations)| {
-            let t_s = common_duration(std::slice::from_ref(durations), least_s)
-                .ok_or(OnlineError::NoProfile { joint })?;
-            generator.motion(joint, t_s).ok_or(OnlineError::NoProfile { joint })
-        });
-        return each.collect();
+        let each = |joint: usize| common_duration(&durations[joint..=joint], least_s);
+        return motions(generator, durations.len(), each, axes);
     }
-    let mut refusal = OnlineError::NoProfile { joint: 0 };
+    let first_s =
+        common_duration(&durations, least_s).ok_or(OnlineError::NoProfile { joint: 0 })?;
+    let mut outcome = Ok(());
     for stretch in STRETCHES {
-        let least_s = match common_duration(&durations, least_s) {
-            Some(t_s) if stretch > 1.0 => t_s * stretch,
-            Some(_) => least_s,
-            None => break,
-        };
-        let Some(t_s) = common_duration(&durations, least_s) else { break };
-        let each = (0..durations.len())
-            .map(|joint| generator.motion(joint, t_s).ok_or(OnlineError::NoProfile { joint }));
-        match each.collect() {
-            Ok(axes) => return Ok(axes),
-            Err(error) => refusal = error,
+        let common = common_duration(&durations, first_s * stretch);
+        outcome = motions(generator, durations.len(), |_| common, axes);
+        if outcome.is_ok() {
+            break;
         }
     }
-    Err(refusal)
+    outcome
+}
+
+/// The motions of `joints` joints that take `duration` of each.
+fn motions(
+    generator: &mut impl OnlineGenerator,
+    joints: usize,
+    duration: impl Fn(usize) -> Option<f64>,
+    axes: &mut ArrayVec<AxisMotion, MAX_JOINTS>,
+) -> Result<(), OnlineError> {
+    axes.clear();
+    for joint in 0..joints {
+        let motion = duration(joint).and_then(|duration_s| generator.motion(joint, duration_s));
+        axes.push(motion.ok_or(OnlineError::NoProfile { joint })?);
+    }
+    Ok(())
 }
 
 /// The least time from `least_s` on that all joints can take. It is `least_s`, the least time of a

@@ -60,17 +60,21 @@ impl Line {
         Some(Self { joints, request })
     }
 
-    /// The motions of all joints; `None` if the generator finds none, or only one that is not legal
+    /// Makes `axes` the motions of all joints; `None` if the generator finds none, or only one that is not legal
     /// for the line although it may be for each joint.
     pub(super) fn plan(
         &self,
         generator: &mut impl OnlineGenerator,
         least_s: f64,
-    ) -> Option<ArrayVec<AxisMotion, MAX_JOINTS>> {
+        axes: &mut ArrayVec<AxisMotion, MAX_JOINTS>,
+    ) -> Option<()> {
         let durations = generator.durations(0, &self.request)?;
         let leading = generator.motion(0, common_duration(&[durations], least_s)?)?;
         let AxisPoint { position: origin, .. } = self.request.from;
-        let scaled = |&(start, share): &(f64, f64)| leading.scaled(origin, start, share);
-        Some(self.joints.iter().map(scaled).collect())
+        axes.clear();
+        for &(start, share) in &self.joints {
+            axes.push(leading.scaled(origin, start, share));
+        }
+        Some(())
     }
 }

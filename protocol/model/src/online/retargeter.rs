@@ -21,13 +21,34 @@ use crate::MotionLimits;
 /// changes nothing. The set-points are samples of one curve with continuous acceleration and
 /// limited jerk, taken at the real time of each tick: late ticks leave no error. Nothing allocates,
 /// nothing panics.
+///
+/// ```
+/// # use armada_model::{JointLimits, JointVector, MotionLimits, OnlineOptions, OnlineState, Retargeter};
+/// # let joint = JointLimits {
+/// #     velocity: 1.0, acceleration: Some(2.0), jerk: Some(40.0), ..JointLimits::default()
+/// # };
+/// # let limits = MotionLimits::new(&[joint])?;
+/// let at = |x: f64| Ok::<_, armada_model::JointVectorError>(
+///     OnlineState::at_rest(JointVector::from_slice(&[x])?)
+/// );
+/// let mut joints = Retargeter::new(&at(0.0)?, &limits, OnlineOptions::default())?;
+/// joints.retarget(&at(1.0)?)?;
+/// for _ in 0..300 {
+///     joints.tick(0.001); // the position to send is in what it returns
+/// }
+/// joints.retarget(&at(-0.5)?)?;
+/// assert_eq!(joints.tick(10.0), at(-0.5)?);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Retargeter<G = RuckigGenerator> {
     generator: G,
     limits: MotionLimits,
     options: OnlineOptions,
     target: Option<OnlineState>,
-    motion: JerkLimitedMove,
+    /// The motion under way, and where the next one is planned: nothing large is moved.
+    motions: [JerkLimitedMove; 2],
+    active: usize,
     elapsed_s: f64,
     failures: u64,
 }
@@ -60,7 +81,9 @@ impl<G: OnlineGenerator> Retargeter<G> {
         JerkLimitedStop::plan(state, limits)?;
         let motion = JerkLimitedMove::stop(state, limits);
         let (limits, elapsed_s) = (*limits, 0.0);
-        Ok(Self { generator, limits, options, target: None, motion, elapsed_s, failures: 0 })
+        let motions = [motion, JerkLimitedMove::empty()];
+        let (target, active, failures) = (None, 0, 0);
+        Ok(Self { generator, limits, options, target, motions, active, elapsed_s, failures })
     }
 
     /// Goes to `target` from the state of this instant.
@@ -70,7 +93,7 @@ impl<G: OnlineGenerator> Retargeter<G> {
     /// [`OnlineError::NoProfile`] is counted in [`failures`](Self::failures).
     pub fn retarget(&mut self, target: &OnlineState) -> Result<(), OnlineError> {
         let state = self.state();
-        let planned = JerkLimitedMove::plan_with(
+        let planned = self.motions[1 - self.active].replan(
             &mut self.generator,
             &state,
             target,
@@ -78,8 +101,9 @@ impl<G: OnlineGenerator> Retargeter<G> {
             &self.options,
         );
         match planned {
-            Ok(motion) => {
-                self.start(motion);
+            Ok(()) => {
+                self.active = 1 - self.active;
+                self.elapsed_s = 0.0;
                 self.target = Some(*target);
                 Ok(())
             }
@@ -93,8 +117,8 @@ impl<G: OnlineGenerator> Retargeter<G> {
 
     /// Stops all joints in the least time, see [`JerkLimitedStop`]; never refused.
     pub fn stop(&mut self) {
-        let motion = JerkLimitedMove::stop(&self.state(), &self.limits);
-        self.start(motion);
+        self.motions[self.active] = JerkLimitedMove::stop(&self.state(), &self.limits);
+        self.elapsed_s = 0.0;
         self.target = None;
     }
 
@@ -125,14 +149,14 @@ impl<G: OnlineGenerator> Retargeter<G> {
     /// count as none.
     pub fn tick(&mut self, dt_s: f64) -> OnlineState {
         // Time stands still at rest, so that it keeps its digits however long that is.
-        self.elapsed_s = (self.elapsed_s + dt_s.max(0.0)).min(self.motion.rest_s());
+        self.elapsed_s = (self.elapsed_s + dt_s.max(0.0)).min(self.motion().rest_s());
         self.state()
     }
 
     /// The state of the last tick.
     #[must_use]
     pub fn state(&self) -> OnlineState {
-        self.motion.at(self.elapsed_s)
+        self.motion().at(self.elapsed_s)
     }
 
     /// What the joints go to, if not to a stop.
@@ -144,13 +168,13 @@ impl<G: OnlineGenerator> Retargeter<G> {
     /// How long until all joints are at rest, if nothing changes \[s\].
     #[must_use]
     pub fn remaining_s(&self) -> f64 {
-        self.motion.rest_s() - self.elapsed_s
+        self.motion().rest_s() - self.elapsed_s
     }
 
     /// Whether all joints are at rest and stay there, if nothing changes.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        self.elapsed_s >= self.motion.rest_s()
+        self.elapsed_s >= self.motion().rest_s()
     }
 
     /// How often the generator found no profile for a legal target. Worth a metric: it is rare.
@@ -164,8 +188,8 @@ impl<G: OnlineGenerator> Retargeter<G> {
         &mut self.generator
     }
 
-    fn start(&mut self, motion: JerkLimitedMove) {
-        self.motion = motion;
-        self.elapsed_s = 0.0;
+    /// The motion under way; `active` is 0 or 1.
+    const fn motion(&self) -> &JerkLimitedMove {
+        &self.motions[self.active]
     }
 }
