@@ -130,9 +130,9 @@ fn no_set_point_of_any_story_of_retargets_and_late_ticks_breaks_a_limit() {
     assert!(accepted > 20 * refused, "{accepted} accepted, {refused} refused");
 }
 
-#[allow(clippy::print_stdout, reason = "how often a retarget is refused is worth knowing")]
+#[allow(clippy::print_stdout, reason = "how often a plan is refused is worth knowing")]
 fn println_counts(accepted: u32, refused: u32) {
-    println!("{accepted} retargets accepted, {refused} refused");
+    println!("{accepted} accepted, {refused} refused");
 }
 
 /// Any state: up to half above the limits of velocity and acceleration, and a little outside.
@@ -241,4 +241,58 @@ fn limits_that_are_lowered_on_the_way_are_kept_after_a_legal_recovery() {
         }
         assert_eq!(joints.state(), target, "seed {seed}");
     }
+}
+
+/// How many of 20 000 random plans from rest or motion succeed and have no profile, with sizes from
+/// `10^low` to `10^high`.
+fn plans_of_sizes(low: f64, high: f64) -> (u32, u32) {
+    let (mut planned, mut without_profile) = (0, 0);
+    for seed in 0..20_000 {
+        let mut random = Uniform::seeded(seed);
+        let size = |random: &mut Uniform| 10.0_f64.powf(random.between(low, high));
+        let any = |random: &mut Uniform| match random.below(4.0) {
+            0 => 0.0,
+            _ => size(random).copysign(random.signed()),
+        };
+        let joints = 1 + random.below(3.0);
+        let axes: Vec<_> = (0..joints)
+            .map(|_| JointLimits {
+                velocity: size(&mut random),
+                acceleration: Some(size(&mut random)),
+                jerk: Some(size(&mut random)),
+                ..JointLimits::default()
+            })
+            .collect();
+        let limits = MotionLimits::new(&axes).expect("complete limits");
+        let mut row = || vector((0..joints).map(|_| any(&mut random)));
+        let state = OnlineState { position: row(), velocity: row(), acceleration: row() };
+        let target = OnlineState::at_rest(row());
+        let options = random_options(&mut random);
+        match JerkLimitedMove::plan(&state, &target, &limits, &options) {
+            Ok(motion) => {
+                planned += 1;
+                let end = motion.at(motion.rest_s());
+                assert_eq!(
+                    (end.position, end.is_at_rest()),
+                    (target.position, true),
+                    "seed {seed}"
+                );
+            }
+            Err(OnlineError::NoProfile { .. }) => without_profile += 1,
+            Err(error) => panic!("seed {seed}: {error}"),
+        }
+        let stop = JerkLimitedStop::plan(&state, &limits).expect("usable");
+        assert!(stop.at(stop.duration_s()).is_at_rest(), "seed {seed}");
+    }
+    println_counts(planned, without_profile);
+    (planned, without_profile)
+}
+
+#[test]
+fn states_and_limits_of_any_size_are_planned_or_refused_and_never_panic() {
+    let (planned, without_profile) = plans_of_sizes(-9.0, 6.0);
+    assert!(planned > 0 && planned + without_profile == 20_000);
+    // Beyond that the ways are so long that rounding leaves more than is allowed at their ends.
+    let (_, without_profile) = plans_of_sizes(-0.5, 0.5);
+    assert_eq!(without_profile, 0, "within a decade");
 }
