@@ -223,6 +223,24 @@ fn time_that_is_not_a_number_or_goes_backward_does_not_move_the_joints() {
 }
 
 #[test]
+fn a_tick_of_endless_time_ends_a_stop_and_a_motion() {
+    let limits = limits(2.0, 40.0);
+    let curve = straight(&limits, 3.0);
+    let mut motion = OnPath::start(&curve, &limits).expect("two joints");
+    motion.tick(&curve, 1.0);
+    let mut stopping = motion.clone();
+    stopping.stop();
+    let at_once = stopping.tick(&curve, f64::INFINITY);
+    assert!(stopping.is_at_rest() && !stopping.is_finished() && at_once.state.is_at_rest());
+    let end = motion.tick(&curve, f64::INFINITY);
+    assert!(motion.is_finished() && end.state.position == curve.target());
+    let mut slowing = OnPath::join(&curve, &limits, 1.0).expect("two joints");
+    slowing.set_speed_ratio(0.5).expect("a ratio");
+    slowing.tick(&curve, f64::INFINITY);
+    assert!(slowing.is_finished() && slowing.is_at_rest());
+}
+
+#[test]
 fn ticks_of_all_kinds_allocate_nothing() {
     let Path { curve, limits } = path(&mut Uniform::seeded(3));
     let mut motion = OnPath::start(&curve, &limits).expect("as many joints");

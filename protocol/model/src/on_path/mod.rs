@@ -49,13 +49,16 @@
 //! With the limit of jerk the same greedy choice is made among the steps that have a way back. It
 //! loses the time in which `u` builds up and goes back, the latter at three quarters of the jerk.
 //!
-//! A curve that brakes at the limit of a joint cannot be slowed down faster there.
+//! A curve that brakes at the limit of a joint cannot be slowed down faster there. Where a curve
+//! that promises to limit its jerk is at that limit, no way back can be added to it at full speed: a
+//! stop that is asked for there begins when that phase of the curve ends, or when the rate is lower.
 
 mod compiled_curve;
 mod curve;
 mod legality;
 mod motion;
 mod move_curves;
+mod ramp;
 mod rate;
 mod transition;
 
