@@ -198,6 +198,31 @@ fn the_jerk_of_a_jerk_limited_curve_stays_limited_in_total() {
 }
 
 #[test]
+fn a_stop_just_before_the_curve_itself_brakes_keeps_the_limit_of_acceleration() {
+    // The curve cruises at 1 rad/s and jumps to its full braking of 2 rad/s² after 2.5 s.
+    let (acceleration, fine_s) = (2.0, 2.5e-4);
+    let limits = limits(acceleration, 400.0);
+    let curve = straight(&limits, 2.5);
+    for ahead in 0..40 {
+        let mut motion = OnPath::start(&curve, &limits).expect("two joints");
+        motion.tick(&curve, 2.5 - 5e-3 * f64::from(ahead));
+        motion.stop();
+        let mut sent = SetPoints::default();
+        let mut time_s = 0.0;
+        while !motion.is_at_rest() {
+            let seen = motion.tick(&curve, fine_s).state;
+            time_s += fine_s;
+            sent.push(time_s, seen.position[0]);
+            let now = seen.acceleration[0].abs();
+            assert!(now <= acceleration * (1.0 + 2e-6), "{ahead}: {now} at {time_s} s");
+            let mean = sent.mean_derivative(2).unwrap_or_default().abs();
+            assert!(mean <= acceleration * (1.0 + 2e-6) + 1e-7, "{ahead}: {mean} at {time_s} s");
+        }
+        assert!(time_s < 0.6, "{ahead}: {time_s} s");
+    }
+}
+
+#[test]
 fn a_ratio_before_the_first_tick_holds_from_the_start() {
     let limits = limits(2.0, 40.0);
     let curve = straight(&limits, 3.0);

@@ -15,13 +15,15 @@ pub(crate) struct Path {
 }
 
 pub(crate) fn limits(random: &mut Uniform, joints: usize) -> MotionLimits {
+    // Of some robots so high that acceleration alone limits.
+    let jerk = if random.chance(0.3) { 100.0 } else { 1.0 };
     let limits: Vec<_> = (0..joints)
         .map(|_| {
             let acceleration = random.between(2.0, 20.0);
             JointLimits {
                 velocity: random.between(0.5, 3.0),
                 acceleration: Some(acceleration),
-                jerk: Some(acceleration * random.between(10.0, 100.0)),
+                jerk: Some(acceleration * jerk * random.between(10.0, 100.0)),
                 ..JointLimits::default()
             }
         })
