@@ -5,19 +5,20 @@
 //! base and tip --Chain--> pose, Jacobian and twist of a tool; joint velocities for a twist
 //! pose --InverseKinematics--> joint positions, or what is in the way
 //! waypoints --path--> q(s) --retime--> q(s(t)) --to_trajectory--> waypoints with times
-//! waypoints --trajectory--> validated piecewise cubic --sample--> set-points
 //! waypoints --trajectory--> validated piecewise polynomial --sample--> set-points
 //! ```
 //!
 //! Invariants: nothing here reads a clock, a file or a socket; evaluating a model or a trajectory
 //! allocates nothing; every number that a constructor accepted is finite.
 
-mod inverse;
-mod clearance;
 mod analytic;
+mod clearance;
+mod inverse;
 mod joint_vector;
 mod kinematics;
 mod limits;
+mod on_path;
+mod online;
 mod path;
 mod pose;
 mod robot_model;
@@ -26,17 +27,19 @@ mod time;
 mod trajectory;
 mod urdf;
 
-pub use inverse::{
-    InverseCause, InverseFailure, InverseKinematics, InverseOptions, InverseSolution,
-    InverseTarget, LimitSide, PreferredPosture, Residual,
-pub use clearance::{
-    Accuracy, Body, BodyId, Capsule, ClearanceError, ClearanceWorkspace, CollisionScene,
-    MissingShape, MotionCheck, MotionReport, MotionVerdict, Mount, Nearest, Owner, PairDistance,
-    Placement, RobotId, SceneBuilder, StlError, TimedDistance, read_stl,
 pub use analytic::{
     AnalyticArm, AnalyticError, ArmFamily, BeyondLimit, Branch, BranchError, Branches,
     Configuration, Elbow, MAX_BRANCHES, Mismatch, Selection, SevenAxisArm, Shoulder, Singularities,
     Wrist,
+};
+pub use clearance::{
+    Accuracy, Body, BodyId, Capsule, ClearanceError, ClearanceWorkspace, CollisionScene,
+    MissingShape, MotionCheck, MotionReport, MotionVerdict, Mount, Nearest, Owner, PairDistance,
+    Placement, RobotId, SceneBuilder, StlError, TimedDistance, read_stl,
+};
+pub use inverse::{
+    InverseCause, InverseFailure, InverseKinematics, InverseOptions, InverseSolution,
+    InverseTarget, LimitSide, PreferredPosture, Residual,
 };
 pub use joint_vector::{JointVector, JointVectorError, MAX_JOINTS};
 pub use kinematics::{
@@ -44,9 +47,18 @@ pub use kinematics::{
     ResolvedVelocity, SingularValues, Twist, Wrench,
 };
 pub use limits::{JointLimits, JointType};
+pub use on_path::{
+    CurveBounds, CurvePoint, OnPath, OnPathError, PathState, PredictedStop, Span, TimedCurve,
+    Transition,
+};
+pub use online::{
+    AxisDurations, AxisMotion, AxisPoint, AxisRequest, JerkLimitedMove, JerkLimitedStop,
+    MAX_ONLINE_VALUE, OnlineError, OnlineGenerator, OnlineOptions, OnlineState, Retargeter,
+    RuckigGenerator, Synchronisation,
+};
 pub use path::{
-    ConstraintScheme, GeometricPath, Grid, JointPath, MAX_GRID_POINTS, PathError, PathRows,
-    PathSample, PathState, PathTrajectory, PathTrajectoryError, RetimeError, RetimeOptions,
+    ConstraintScheme, GeometricPath, Grid, JointPath, MAX_GRID_POINTS, PathError, PathKnot,
+    PathRows, PathSample, PathTrajectory, PathTrajectoryError, RetimeError, RetimeOptions,
     Saturation, SplineEnds, StackedPath, TimedPath, retime, retime_jerk_limited,
 };
 pub use pose::{Pose, PoseError};

@@ -7,7 +7,7 @@
 
 use super::geometric::{GeometricPath, PathRows};
 use super::retime::{RetimeError, RetimeOptions, Retimer};
-use super::timed::{PathState, TimedPath};
+use super::timed::{PathKnot, TimedPath};
 use crate::AxisLimits;
 
 /// Widths of the window that are tried, as multiples of the longest time that a joint takes from
@@ -67,7 +67,7 @@ pub fn retime_jerk_limited<P: GeometricPath>(
     }
     let retimer = Retimer::new(&path, limits, options)?;
     let reach_s = limits.iter().map(|axis| axis.acceleration / axis.jerk).fold(0.0, f64::max);
-    let mut best: Option<Vec<PathState>> = None;
+    let mut best: Option<Vec<PathKnot>> = None;
     let is_short = retimer.retime(&[])?.duration_s() < SHORT * reach_s;
     let windows = if is_short { SHORT_WINDOWS.iter() } else { [].iter() };
     for window in windows.chain(&WINDOWS) {
@@ -98,10 +98,10 @@ struct Smoother<'a, P> {
 
 impl<P: GeometricPath> Smoother<'_, P> {
     /// The fastest motion of some tries, slowed down until it keeps all limits.
-    fn search(&self) -> Result<Vec<PathState>, RetimeError> {
+    fn search(&self) -> Result<Vec<PathKnot>, RetimeError> {
         let grid = self.retimer.grid();
         let mut slowness = vec![1.0; grid.len()];
-        let mut best: Option<(f64, f64, Vec<PathState>)> = None;
+        let mut best: Option<(f64, f64, Vec<PathKnot>)> = None;
         for _ in 0..TRIES {
             let sharp = self.retimer.retime(&slowness)?;
             let path = *sharp.path();
@@ -137,7 +137,7 @@ impl<P: GeometricPath> Smoother<'_, P> {
 }
 
 /// The mean of `sharp` over a window of `width_s`; it takes that much longer.
-fn smooth<P: GeometricPath>(sharp: &TimedPath<P>, width_s: f64) -> Vec<PathState> {
+fn smooth<P: GeometricPath>(sharp: &TimedPath<P>, width_s: f64) -> Vec<PathKnot> {
     let integral = Integral::new(sharp.knots());
     let origin = integral.origin;
     let early = sharp.knots().iter().map(|knot| knot.time_s);
@@ -147,7 +147,7 @@ fn smooth<P: GeometricPath>(sharp: &TimedPath<P>, width_s: f64) -> Vec<PathState
     times.dedup_by(|later, earlier| *later - *earlier < 1e-9 * width_s);
     let state = |time_s: f64| {
         let (entering, leaving) = (integral.at(time_s), integral.at(time_s - width_s));
-        PathState {
+        PathKnot {
             time_s,
             s: origin + (entering.area - leaving.area) / width_s,
             velocity: ((entering.s - leaving.s) / width_s).max(0.0),
@@ -155,7 +155,7 @@ fn smooth<P: GeometricPath>(sharp: &TimedPath<P>, width_s: f64) -> Vec<PathState
             jerk: 0.0,
         }
     };
-    let mut knots: Vec<PathState> = times.iter().copied().map(state).collect();
+    let mut knots: Vec<PathKnot> = times.iter().copied().map(state).collect();
     for (knot, ends) in knots.iter_mut().zip(times.windows(2)) {
         // In the middle rounding cannot take the acceleration of a neighbour.
         let middle = 0.5 * (ends[0] + ends[1]);
@@ -169,14 +169,14 @@ fn smooth<P: GeometricPath>(sharp: &TimedPath<P>, width_s: f64) -> Vec<PathState
         knot.s = furthest;
     }
     if let (Some(last), Some(end)) = (knots.last_mut(), sharp.knots().last()) {
-        *last = PathState { time_s: last.time_s, s: end.s, ..PathState::default() };
+        *last = PathKnot { time_s: last.time_s, s: end.s, ..PathKnot::default() };
     }
     knots
 }
 
 /// The way since the start, its derivatives and its integral over time.
 struct Integral<'a> {
-    knots: &'a [PathState],
+    knots: &'a [PathKnot],
     areas: Vec<f64>,
     origin: f64,
 }
@@ -190,7 +190,7 @@ struct Moment {
 }
 
 impl<'a> Integral<'a> {
-    fn new(knots: &'a [PathState]) -> Self {
+    fn new(knots: &'a [PathKnot]) -> Self {
         let origin = knots.first().map_or(0.0, |first| first.s);
         let mut found = Self { knots, areas: vec![0.0], origin };
         for (index, next) in knots.iter().enumerate().skip(1) {
@@ -217,7 +217,7 @@ impl<'a> Integral<'a> {
         let knot = &self.knots[index];
         let tau = time_s - knot.time_s;
         let way = knot.s - self.origin;
-        let PathState { velocity, acceleration, .. } = *knot;
+        let PathKnot { velocity, acceleration, .. } = *knot;
         Moment {
             area: self.areas[index]
                 + tau * (way + tau * (0.5 * velocity + tau * acceleration / 6.0)),
@@ -233,7 +233,7 @@ impl<'a> Integral<'a> {
 fn look<P: GeometricPath>(timed: &TimedPath<P>, step_s: f64, mut tell: impl FnMut(f64, f64)) {
     let joints = timed.limits().len();
     let (mut rows, mut third) = (vec![0.0; 3 * joints], vec![0.0; joints]);
-    let mut tell = |state: PathState| {
+    let mut tell = |state: PathKnot| {
         timed.path().evaluate(state.s, &mut PathRows::split(&mut rows));
         timed.path().third_derivative(state.s, &mut third);
         tell(state.time_s, slowness(&state, &rows, &third, timed.limits()));
@@ -243,7 +243,7 @@ fn look<P: GeometricPath>(timed: &TimedPath<P>, step_s: f64, mut tell: impl FnMu
         let looks = LOOKS.max((length_s / step_s).ceil()) as usize;
         for index in 0..=looks {
             let state = ends[0].after(length_s * (index as f64 / looks as f64));
-            tell(PathState { s: state.s.max(ends[0].s).min(ends[1].s), ..state });
+            tell(PathKnot { s: state.s.max(ends[0].s).min(ends[1].s), ..state });
         }
     }
     let (start, end) = timed.path().range();
@@ -252,13 +252,13 @@ fn look<P: GeometricPath>(timed: &TimedPath<P>, step_s: f64, mut tell: impl FnMu
     for s in breakpoints {
         let Some(state) = passing(timed.knots(), s) else { continue };
         for aside in [-ASIDE, ASIDE] {
-            tell(PathState { s: (s + aside * (end - start)).max(start).min(end), ..state });
+            tell(PathKnot { s: (s + aside * (end - start)).max(start).min(end), ..state });
         }
     }
 }
 
 /// The state in which the path parameter passes `s`.
-fn passing(knots: &[PathState], s: f64) -> Option<PathState> {
+fn passing(knots: &[PathKnot], s: f64) -> Option<PathKnot> {
     let [knot, next] = knots.windows(2).find(|ends| ends[0].s <= s && s <= ends[1].s)? else {
         return None;
     };
@@ -274,8 +274,8 @@ fn passing(knots: &[PathState], s: f64) -> Option<PathState> {
     Some(knot.after(high))
 }
 
-fn slowness(state: &PathState, rows: &[f64], third: &[f64], limits: &[AxisLimits]) -> f64 {
-    let PathState { velocity: v, acceleration: a, jerk: j, .. } = *state;
+fn slowness(state: &PathKnot, rows: &[f64], third: &[f64], limits: &[AxisLimits]) -> f64 {
+    let PathKnot { velocity: v, acceleration: a, jerk: j, .. } = *state;
     let joints = limits.len();
     let (first, second) = (&rows[joints..2 * joints], &rows[2 * joints..]);
     let derivatives = first.iter().zip(second).zip(third);
@@ -288,8 +288,8 @@ fn slowness(state: &PathState, rows: &[f64], third: &[f64], limits: &[AxisLimits
     velocity.max(acceleration.sqrt()).max(jerk.cbrt())
 }
 
-fn stretched(knots: &[PathState], k: f64) -> Vec<PathState> {
-    let slower = |knot: &PathState| PathState {
+fn stretched(knots: &[PathKnot], k: f64) -> Vec<PathKnot> {
+    let slower = |knot: &PathKnot| PathKnot {
         time_s: knot.time_s * k,
         s: knot.s,
         velocity: knot.velocity / k,
@@ -299,6 +299,6 @@ fn stretched(knots: &[PathState], k: f64) -> Vec<PathState> {
     knots.iter().map(slower).collect()
 }
 
-fn duration_s(knots: &[PathState]) -> f64 {
+fn duration_s(knots: &[PathKnot]) -> f64 {
     knots.last().map_or(f64::INFINITY, |last| last.time_s)
 }

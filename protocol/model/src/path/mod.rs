@@ -23,5 +23,5 @@ pub use jerk::retime_jerk_limited;
 pub use retime::{ConstraintScheme, Grid, MAX_GRID_POINTS, RetimeError, RetimeOptions, retime};
 pub use spline::{JointPath, SplineEnds};
 pub use stacked::StackedPath;
-pub use timed::{PathSample, PathState, Saturation, TimedPath};
+pub use timed::{PathKnot, PathSample, Saturation, TimedPath};
 pub use waypoints::{PathTrajectory, PathTrajectoryError};

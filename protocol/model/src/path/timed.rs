@@ -13,12 +13,12 @@ pub struct TimedPath<P> {
     path: P,
     limits: Vec<AxisLimits>,
     /// Two at least; jerk is constant from each to the next.
-    knots: Vec<PathState>,
+    knots: Vec<PathKnot>,
 }
 
 /// How far a motion along a path has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PathState {
+pub struct PathKnot {
     /// Time since the start \[s\].
     pub time_s: f64,
     /// Path parameter `s`.
@@ -58,7 +58,7 @@ pub struct Saturation {
     pub share: f64,
 }
 
-impl PathState {
+impl PathKnot {
     /// The state `tau` \[s\] later, if jerk stays.
     pub(super) fn after(&self, tau: f64) -> Self {
         let Self { time_s, s, velocity, acceleration, jerk } = *self;
@@ -87,12 +87,12 @@ impl<P: GeometricPath> TimedPath<P> {
             let length = ends[1] - ends[0];
             let (from, to) = (x[0].sqrt(), x[1].sqrt());
             let acceleration = (x[1] - x[0]) / (2.0 * length);
-            knots.push(PathState { time_s, s: ends[0], velocity: from, acceleration, jerk: 0.0 });
+            knots.push(PathKnot { time_s, s: ends[0], velocity: from, acceleration, jerk: 0.0 });
             time_s += 2.0 * length / (from + to);
         }
         let (end, x) = (s.last().copied(), squared.last().copied());
         let (end, velocity) = (end.unwrap_or_default(), x.unwrap_or_default().sqrt());
-        knots.push(PathState { time_s, s: end, velocity, acceleration: 0.0, jerk: 0.0 });
+        knots.push(PathKnot { time_s, s: end, velocity, acceleration: 0.0, jerk: 0.0 });
         if !time_s.is_finite() {
             let fraction = squared.iter().skip(1).position(|&x| x == 0.0).unwrap_or_default();
             return Err(RetimeError::Standstill { fraction: fraction as f64 / s.len() as f64 });
@@ -100,7 +100,7 @@ impl<P: GeometricPath> TimedPath<P> {
         Ok(Self::from_knots(path, limits, knots))
     }
 
-    pub(super) fn from_knots(path: P, limits: &[AxisLimits], knots: Vec<PathState>) -> Self {
+    pub(super) fn from_knots(path: P, limits: &[AxisLimits], knots: Vec<PathKnot>) -> Self {
         Self { path, limits: limits.to_vec(), knots }
     }
 
@@ -119,7 +119,7 @@ impl<P: GeometricPath> TimedPath<P> {
     /// States of the path parameter between which its jerk is constant; two at least, the first at
     /// the start and the last at the end.
     #[must_use]
-    pub fn knots(&self) -> &[PathState] {
+    pub fn knots(&self) -> &[PathKnot] {
         &self.knots
     }
 
@@ -139,15 +139,15 @@ impl<P: GeometricPath> TimedPath<P> {
     /// State of the path parameter at `t_s` \[s since the start\]: the start before zero (and for
     /// not a number), from the duration on the end, with its velocity and without acceleration.
     #[must_use]
-    pub fn state_at(&self, t_s: f64) -> PathState {
+    pub fn state_at(&self, t_s: f64) -> PathKnot {
         let after = self.knots.partition_point(|knot| knot.time_s <= t_s);
         let Some(knot) = self.knots.get(after.saturating_sub(1)) else {
-            return PathState::default();
+            return PathKnot::default();
         };
         match self.knots.get(after.max(1)) {
             Some(next) => {
                 let state = knot.after((t_s - knot.time_s).max(0.0));
-                PathState { s: state.s.max(knot.s).min(next.s), ..state }
+                PathKnot { s: state.s.max(knot.s).min(next.s), ..state }
             }
             None => *knot,
         }
@@ -181,7 +181,7 @@ impl<P: GeometricPath> TimedPath<P> {
         self.write_state(&self.state_at(t_s), out);
     }
 
-    pub(super) fn write_state(&self, state: &PathState, out: &mut PathRows<'_>) {
+    pub(super) fn write_state(&self, state: &PathKnot, out: &mut PathRows<'_>) {
         self.path.evaluate(state.s, out);
         let (v, a) = (state.velocity, state.acceleration);
         for (first, second) in out.first.iter_mut().zip(&mut *out.second) {
@@ -201,7 +201,7 @@ impl<P: GeometricPath> TimedPath<P> {
             .map(|ends| {
                 let start = self.nearest(&ends[0], &mut scratch);
                 let end = ends[0].after(ends[1].time_s - ends[0].time_s);
-                let end = self.nearest(&PathState { s: ends[1].s, ..end }, &mut scratch);
+                let end = self.nearest(&PathKnot { s: ends[1].s, ..end }, &mut scratch);
                 let (joint, quantity, share) = if start.2 < end.2 { end } else { start };
                 Saturation {
                     from_fraction: self.fraction(ends[0].s),
@@ -214,7 +214,7 @@ impl<P: GeometricPath> TimedPath<P> {
             .collect()
     }
 
-    fn nearest(&self, state: &PathState, scratch: &mut [f64]) -> (usize, LimitedQuantity, f64) {
+    fn nearest(&self, state: &PathKnot, scratch: &mut [f64]) -> (usize, LimitedQuantity, f64) {
         let mut rows = PathRows::split(scratch);
         self.write_state(state, &mut rows);
         let mut nearest = (0, LimitedQuantity::Velocity, 0.0);

@@ -117,7 +117,12 @@ impl<P: GeometricPath> TimedPath<P> {
         let joint_names = names.iter().map(|name| name.as_ref().to_owned()).collect();
         let interpolation = Interpolation::CubicSpline;
         Ok(PathTrajectory {
-            trajectory: JointTrajectory { joint_names, waypoints, interpolation },
+            trajectory: JointTrajectory {
+                joint_names,
+                waypoints,
+                interpolation,
+                ..JointTrajectory::default()
+            },
             stretch,
         })
     }
@@ -201,6 +206,7 @@ impl Point {
             time_from_start_s: self.time_s * stretch,
             joint_position: self.position,
             joint_velocity: self.velocity.into_iter().map(|v| v / stretch).collect(),
+            ..Waypoint::default()
         }
     }
 }

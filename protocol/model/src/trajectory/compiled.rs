@@ -5,7 +5,7 @@ use super::curve::{Curve, Place};
 use super::error::TrajectoryError;
 use super::interpolate;
 use super::motion_limits::MotionLimits;
-use super::options::{Ends, TrajectoryContext, TrajectoryOptions};
+use super::options::{Ends, JerkLimit, TrajectoryContext, TrajectoryOptions};
 use super::tolerance::{Tolerance, Tolerances};
 use super::validate::{self, REST_TOLERANCE};
 use super::waypoints::JointTrajectory;
@@ -60,6 +60,7 @@ pub struct CompiledTrajectory {
     /// Per segment three rows of one value per joint, see [`SegmentBounds`].
     bounds: Vec<f64>,
     tolerances: Tolerances,
+    limits_jerk: bool,
 }
 
 /// What a trajectory asks for at one time.
@@ -150,7 +151,8 @@ impl CompiledTrajectory {
         let curve = interpolate::curve(interpolation, knots, &names, limits, options.ends)?;
         let bounds = check::check(&curve, &names, limits, options)?;
         let end_velocity = end_velocity(&curve, end, options.ends);
-        Ok(Self { start, end, end_velocity, waypoints, curve, bounds, tolerances })
+        let limits_jerk = options.jerk == JerkLimit::Enforced;
+        Ok(Self { start, end, end_velocity, waypoints, curve, bounds, tolerances, limits_jerk })
     }
 
     /// Time of the last waypoint \[s\].
@@ -281,6 +283,28 @@ impl CompiledTrajectory {
             let waypoint = self.curve.waypoint(first + index);
             SegmentBounds { start_s, length_s, waypoint, velocity, acceleration, jerk }
         })
+    }
+
+    /// Whether jerk was found to be within the limits, and acceleration without jumps.
+    pub(crate) const fn limits_jerk(&self) -> bool {
+        self.limits_jerk
+    }
+
+    /// Index of the segment at `t_s`, as [`segments_at`](Self::segments_at) finds it.
+    pub(crate) fn segment_index(&self, t_s: f64, hint: &mut usize) -> usize {
+        let last = self.segment_count() - 1;
+        self.locate(t_s, hint).map_or(last, |place| place.segment)
+    }
+
+    /// Where segment `index` begins and how long it is \[s\]; there must be such a segment.
+    pub(crate) fn segment_span(&self, index: usize) -> (f64, f64) {
+        self.curve.span(index)
+    }
+
+    /// First to fifth derivative of a joint, `u_s` after the beginning of segment `index`; joint
+    /// and segment must exist.
+    pub(crate) fn derivatives(&self, index: usize, u_s: f64, joint: usize) -> [f64; 5] {
+        self.curve.derivatives(Place { segment: index, u: u_s }, joint)
     }
 
     /// The place of `t_s`, of zero if it is before or not a number, `None` from the end on.

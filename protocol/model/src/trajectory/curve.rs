@@ -246,6 +246,27 @@ impl Curve {
         }
     }
 
+    /// First to fifth derivative of one joint.
+    pub(super) fn derivatives(&self, place: Place, joint: usize) -> [f64; 5] {
+        let (rows, u) = (self.rows(place.segment), place.u);
+        let c = |power: usize| rows[power * self.joints + joint];
+        match self.degree {
+            Degree::Three => {
+                let (c2, c3) = (c(2), c(3));
+                let second = 2.0 * c2 + u * 6.0 * c3;
+                [c(1) + 0.5 * u * (2.0 * c2 + second), second, 6.0 * c3, 0.0, 0.0]
+            }
+            Degree::Five => {
+                let (c3, c4, c5) = (c(3), c(4), c(5));
+                let fourth = 24.0 * c4 + u * 120.0 * c5;
+                let third = 6.0 * c3 + u * (24.0 * c4 + u * 60.0 * c5);
+                let second = 2.0 * c(2) + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5));
+                let high = 3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5);
+                [c(1) + u * (2.0 * c(2) + u * high), second, third, fourth, 120.0 * c5]
+            }
+        }
+    }
+
     fn rows(&self, segment: usize) -> &[f64] {
         let size = self.degree.rows() * self.joints;
         &self.coefficients[size * segment..][..size]

@@ -141,6 +141,11 @@ impl JointMove {
         MotionState { position, velocity }
     }
 
+    /// The profile of each joint.
+    pub(crate) fn axes(&self) -> &[AxisProfile] {
+        &self.axes[..self.len]
+    }
+
     fn each(&self, value: impl Fn(&AxisProfile) -> f64) -> JointVector {
         let zeros = JointVector::zeros(self.len).unwrap_or_default();
         zeros.map_indexed(|joint, _| value(&self.axes[joint]))

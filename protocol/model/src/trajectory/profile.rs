@@ -165,6 +165,16 @@ impl AxisProfile {
         }
     }
 
+    /// Its three phases of constant acceleration: when each begins and ends \[s\], and which
+    /// \[1/s²\].
+    pub(crate) const fn phases(&self) -> [(f64, f64, f64); 3] {
+        [
+            (0.0, self.cruise_from_s, self.acceleration),
+            (self.cruise_from_s, self.brake_from_s, 0.0),
+            (self.brake_from_s, self.duration_s, self.deceleration),
+        ]
+    }
+
     /// Lowest and highest position of the whole motion: start, target, and where it turns.
     #[must_use]
     pub fn range(&self) -> (f64, f64) {
