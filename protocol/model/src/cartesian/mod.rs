@@ -1,0 +1,18 @@
+//! Motion of a tool along lines and arcs.
+//!
+//! ```text
+//! moves --CartesianPath--> poses along s
+//! ```
+
+mod blend;
+mod error;
+mod moves;
+mod path;
+mod rotation;
+mod segment;
+
+pub use error::CartesianPathError;
+pub use moves::{ArcOrientation, CartesianMove, CartesianSegment};
+pub use path::{
+    CartesianPath, Corner, CornerPassing, DEFAULT_ROTATION_WEIGHT, MIN_PATH_LENGTH, MIN_TURN_MARGIN,
+};
