@@ -11,6 +11,9 @@ mod path;
 mod rotation;
 mod segment;
 
+#[cfg(test)]
+mod tests;
+
 pub use error::CartesianPathError;
 pub use moves::{ArcOrientation, CartesianMove, CartesianSegment};
 pub use path::{
