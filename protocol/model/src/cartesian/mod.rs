@@ -6,6 +6,7 @@
 
 mod blend;
 mod error;
+mod motion;
 mod moves;
 mod path;
 mod rotation;
@@ -15,6 +16,10 @@ mod segment;
 mod tests;
 
 pub use error::CartesianPathError;
+pub use motion::{
+    BlockReason, CartesianError, CartesianMotion, CartesianOptions, CartesianPlanner,
+    MIN_PATH_TOLERANCE, PathBlock, ReachableMotion,
+};
 pub use moves::{ArcOrientation, CartesianMove, CartesianSegment};
 pub use path::{
     CartesianPath, Corner, CornerPassing, DEFAULT_ROTATION_WEIGHT, MIN_PATH_LENGTH, MIN_TURN_MARGIN,
