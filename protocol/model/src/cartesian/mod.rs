@@ -1,7 +1,9 @@
 //! Motion of a tool along lines and arcs.
 //!
 //! ```text
-//! moves --CartesianPath--> poses along s
+//! moves --CartesianPath--> poses along s --CartesianPlanner--> joints along s, or where it is blocked
+//!                                                                    |
+//!                                                JointTrajectory <---+ trajectory, under all limits
 //! ```
 
 mod blend;

@@ -11,6 +11,8 @@ mod fit;
 mod options;
 mod planner;
 mod solve;
+mod speed;
+mod trajectory;
 mod walk;
 
 pub use error::{BlockReason, CartesianError, PathBlock};
