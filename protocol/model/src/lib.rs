@@ -4,14 +4,22 @@
 //! URDF text --urdf--> RobotModel --kinematics--> poses of links
 //! base and tip --Chain--> pose, Jacobian and twist of a tool; joint velocities for a twist
 //! pose --InverseKinematics--> joint positions, or what is in the way
+//! lines and arcs --CartesianPath--> poses --CartesianPlanner--> joint path, or where it is blocked
+//! pose --AnalyticArm--> all branches of joint positions in closed form
+//! waypoints --blended_legs--> joint paths that round corners off
 //! waypoints --path--> q(s) --retime--> q(s(t)) --to_trajectory--> waypoints with times
 //! waypoints --trajectory--> validated piecewise polynomial --sample--> set-points
+//! any of these motions --OnPath--> paused, slowed, stopped on its path, within all limits
+//! state, target --online--> jerk-limited move, retargeted at any instant
+//! links and shapes --clearance--> distances of pairs, of a pose or of a whole motion
 //! ```
 //!
 //! Invariants: nothing here reads a clock, a file or a socket; evaluating a model or a trajectory
 //! allocates nothing; every number that a constructor accepted is finite.
 
 mod analytic;
+mod blend;
+mod cartesian;
 mod clearance;
 mod inverse;
 mod joint_vector;
@@ -31,6 +39,15 @@ pub use analytic::{
     AnalyticArm, AnalyticError, ArmFamily, BeyondLimit, Branch, BranchError, Branches,
     Configuration, Elbow, MAX_BRANCHES, Mismatch, Selection, SevenAxisArm, Shoulder, Singularities,
     Wrist,
+};
+pub use blend::{
+    BlendError, BlendedCorner, BlendedPath, JointCorner, MIN_BLEND_RADIUS, blended_legs,
+};
+pub use cartesian::{
+    ArcOrientation, BlockReason, CartesianError, CartesianMotion, CartesianMove, CartesianOptions,
+    CartesianPath, CartesianPathError, CartesianPlanner, CartesianSegment, Corner, CornerPassing,
+    DEFAULT_ROTATION_WEIGHT, MIN_PATH_LENGTH, MIN_PATH_TOLERANCE, MIN_TURN_MARGIN, PathBlock,
+    ReachableMotion,
 };
 pub use clearance::{
     Accuracy, Body, BodyId, Capsule, ClearanceError, ClearanceWorkspace, CollisionScene,

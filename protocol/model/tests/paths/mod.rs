@@ -61,12 +61,14 @@ pub(crate) fn path(random: &mut Uniform) -> Path {
                 } else {
                     Vec::new()
                 },
+                ..Waypoint::default()
             })
             .collect();
         let asked = JointTrajectory {
             joint_names: names.clone(),
             waypoints,
             interpolation: Interpolation::CubicSpline,
+            ..JointTrajectory::default()
         };
         CompiledTrajectory::compile(&asked, &names, &limits, &TrajectoryOptions::default())
     };
