@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;
 
 use armada_agent::runtime::{Agent, AgentError};
-use armada_model::{JointTrajectory, JointVector, Waypoint};
+use armada_model::{JointTrajectory, JointUnit, JointVector, Waypoint};
 use armada_protocol::messages::*;
 use armada_protocol::method::robot::{
     Abort, Cancel, Commit, ExecuteTrajectory, Halt, JogFreespace, Prepare, Reset, ResetErrors,
@@ -99,6 +99,36 @@ async fn a_trajectory_is_followed_to_its_last_waypoint_exactly() {
     let end = bench.motion_end(accepted.motion_id).await;
     assert_eq!((end.status, end.waypoint, end.waypoint_count), (ActionStatus::Complete, 1, 2));
     assert!(end.started_ns.is_some());
+    bench.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trajectory_in_degrees_is_followed_and_its_tolerances_are_kept_or_refused() {
+    let bench = Bench::start().await;
+    set_mode(&bench, CommandMode::Trajectory).await;
+    let within = |position: f64, velocity: &[f64]| {
+        let mut trajectory = turn(0.0, 0.3, 1.0);
+        for waypoint in &mut trajectory.waypoints {
+            waypoint.position_tolerance = vec![position; 6];
+            waypoint.velocity_tolerance = velocity.to_vec();
+        }
+        follow(trajectory)
+    };
+    let (client, robot) = (&bench.client, &bench.robot);
+    let wide = denial(client.call::<ExecuteTrajectory>(robot, within(2.0, &[])).await);
+    assert_eq!(wide.code, DenialCode::OutOfRange, "{wide:?}");
+    assert!(wide.message.contains("position_tolerance 2 of shoulder_pan_joint"), "{wide:?}");
+    let speed = denial(client.call::<ExecuteTrajectory>(robot, within(0.05, &[1.0; 6])).await);
+    assert_eq!(speed.code, DenialCode::NotSupported, "{speed:?}");
+    let mut degrees = turn(0.0, 0.3, 1.0);
+    degrees.joint_units = vec![JointUnit::Degree; 6];
+    for value in degrees.waypoints.iter_mut().flat_map(|waypoint| &mut waypoint.joint_position) {
+        *value = value.to_degrees();
+    }
+    let accepted = client.call::<ExecuteTrajectory>(robot, follow(degrees)).await.expect("taken");
+    assert_eq!(accepted.duration_s, 1.0);
+    let end = bench.motion_end(accepted.motion_id).await;
+    assert_eq!(end.status, ActionStatus::Complete);
     bench.shut_down().await;
 }
 

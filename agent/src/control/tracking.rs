@@ -29,6 +29,9 @@ pub(super) struct Tracking {
 struct Sent {
     at: MonoTime,
     position: JointVector,
+    /// How near the motion wants the robot, each joint; empty if it is content with the robot's own
+    /// tolerance.
+    tolerance: JointVector,
 }
 
 /// A joint that is too far from where it should be.
@@ -54,18 +57,20 @@ impl Tracking {
         self.held = 0;
     }
 
-    pub(super) fn record(&mut self, at: MonoTime, position: JointVector) {
+    pub(super) fn record(&mut self, at: MonoTime, position: JointVector, tolerance: JointVector) {
         self.newest = (self.newest + 1) % self.ring.len();
         self.held = (self.held + 1).min(self.ring.len());
-        self.ring[self.newest] = Sent { at, position };
+        self.ring[self.newest] = Sent { at, position, tolerance };
     }
 
     /// The first joint whose measured position is too far from what it answers to.
     pub(super) fn excess(&self, params: &Params, feedback: &Feedback) -> Option<Excess> {
-        let expected = self.expected(feedback.stamp - params.tracking_lag, params.period)?;
+        let (expected, tolerance) =
+            self.expected(feedback.stamp - params.tracking_lag, params.period)?;
         let joints = feedback.joint_position.iter().zip(expected.iter());
         joints.zip(params.tracking_tolerance.iter()).enumerate().find_map(
             |(joint, ((measured, expected), &limit))| {
+                let limit = tolerance.get(joint).map_or(limit, |wanted| wanted.min(limit));
                 let error = (measured - expected).abs();
                 (error > limit).then_some(Excess { joint, error, limit })
             },
@@ -73,17 +78,18 @@ impl Tracking {
     }
 
     /// The set-point at `time`: the one before it, going over to the next in the last period
-    /// before that one is due, as a controller does that interpolates.
-    fn expected(&self, time: MonoTime, period: Duration) -> Option<JointVector> {
+    /// before that one is due, as a controller does that interpolates; and its tolerance.
+    fn expected(&self, time: MonoTime, period: Duration) -> Option<(JointVector, JointVector)> {
         let mut later: Option<&Sent> = None;
         for back in 0..self.held {
             let sent = &self.ring[(self.newest + self.ring.len() - back) % self.ring.len()];
             if sent.at <= time {
-                return Some(later.map_or(sent.position, |later| sent.until(later, time, period)));
+                let position = later.map_or(sent.position, |later| sent.until(later, time, period));
+                return Some((position, sent.tolerance));
             }
             later = Some(sent);
         }
-        later.map(|oldest| oldest.position)
+        later.map(|oldest| (oldest.position, oldest.tolerance))
     }
 }
 

@@ -334,6 +334,7 @@ impl Shared {
             params: robot.params.clone(),
             limits: robot.limits,
             joint_names: robot.joint_names(),
+            joint_types: robot.joint_types(),
             orders: Mutex::new(orders),
             prepared: Mutex::default(),
             cleared,

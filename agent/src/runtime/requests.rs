@@ -5,7 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use armada_model::{
-    CompiledTrajectory, JointTrajectory, JointVector, MonoTime, MotionLimits, TrajectoryOptions,
+    CompiledTrajectory, JointTrajectory, JointType, JointVector, MonoTime, MotionLimits, Tolerance,
+    TrajectoryContext, TrajectoryOptions,
 };
 use armada_protocol::messages::{
     Accepted, ActionStatus, CancelParams, CommandMode, CommitParams, Denial, DenialCode, Empty,
@@ -24,7 +25,7 @@ use super::clock::monotonic;
 use super::desk::Remark;
 use super::motion_log::queued;
 use super::stop_gate::StopGate;
-use super::words::trajectory_denial;
+use super::words::{trajectory_denial, velocity_tolerance_denial, wide_tolerance_denial};
 use crate::control::{FollowOrder, Granted, JogOrder, LoopRequest, Order, Params, Refusal};
 
 /// How long a prepared motion is kept for its commit.
@@ -41,6 +42,7 @@ pub(super) struct Requests {
     pub(super) params: Params,
     pub(super) limits: MotionLimits,
     pub(super) joint_names: Vec<String>,
+    pub(super) joint_types: Vec<JointType>,
     pub(super) orders: Mutex<Producer<LoopRequest>>,
     pub(super) prepared: Mutex<HashMap<Uuid, PreparedMotion>>,
     pub(super) cleared: watch::Receiver<u64>,
@@ -289,10 +291,34 @@ impl Requests {
     }
 
     fn compile(&self, trajectory: &JointTrajectory) -> Result<Arc<CompiledTrajectory>, Denial> {
-        let options = TrajectoryOptions::default();
-        CompiledTrajectory::compile(trajectory, &self.joint_names, &self.limits, &options)
-            .map(Arc::new)
-            .map_err(|error| trajectory_denial(&error))
+        let context = TrajectoryContext {
+            joint_order: &self.joint_names,
+            joint_types: Some(&self.joint_types),
+            limits: &self.limits,
+        };
+        let compiled =
+            CompiledTrajectory::compile_for(trajectory, &context, &TrajectoryOptions::default())
+                .map_err(|error| trajectory_denial(&error))?;
+        self.check_tolerances(&compiled)?;
+        Ok(Arc::new(compiled))
+    }
+
+    /// Refuses tolerances that the loop would not keep: wider than the robot's own, or of velocity.
+    fn check_tolerances(&self, trajectory: &CompiledTrajectory) -> Result<(), Denial> {
+        let names = &self.joint_names;
+        for waypoint in 0..trajectory.waypoint_count() {
+            let Tolerance { position, velocity, .. } = trajectory.tolerance(waypoint);
+            if !velocity.is_empty() {
+                return Err(velocity_tolerance_denial(waypoint));
+            }
+            let rows = position.iter().zip(self.params.tracking_tolerance.iter()).zip(names);
+            for ((&value, &limit), joint) in rows {
+                if value > limit {
+                    return Err(wide_tolerance_denial(waypoint, joint, value, limit));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Looks at once whether a trajectory could start now; returns the epoch it could start in.

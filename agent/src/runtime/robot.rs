@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU64;
 
-use armada_model::{MotionLimits, RobotModel};
+use armada_model::{JointType, MotionLimits, RobotModel};
 use armada_protocol::messages::{Capability, ChainInfo, JointInfo, RobotFlags, RobotInfo};
 use uuid::Uuid;
 
@@ -37,6 +37,10 @@ impl Robot {
 
     pub(super) fn joint_names(&self) -> Vec<String> {
         self.joints.iter().map(|joint| joint.name.clone()).collect()
+    }
+
+    pub(super) fn joint_types(&self) -> Vec<JointType> {
+        self.joints.iter().map(|joint| joint.joint_type).collect()
     }
 
     pub(super) fn variables(&self) -> Vec<usize> {

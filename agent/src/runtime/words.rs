@@ -220,6 +220,33 @@ pub(super) fn trajectory_denial(error: &TrajectoryError) -> Denial {
     }
 }
 
+/// A waypoint asks for the supervision of velocity, which the loop does not do.
+pub(super) fn velocity_tolerance_denial(waypoint: usize) -> Denial {
+    let text = format!(
+        "waypoint {waypoint}: velocity_tolerance is not supported, leave it out; position is \
+         supervised by position_tolerance"
+    );
+    Denial::new(DenialCode::NotSupported, text).with("field", "velocity_tolerance")
+}
+
+/// A waypoint would let the robot be further away than the robot's own supervision does.
+pub(super) fn wide_tolerance_denial(
+    waypoint: usize,
+    joint: &str,
+    value: f64,
+    limit: f64,
+) -> Denial {
+    let text = format!(
+        "waypoint {waypoint}: position_tolerance {value} of {joint} is above the robot's tracking \
+         tolerance {limit}, which cannot be widened"
+    );
+    Denial::new(DenialCode::OutOfRange, text)
+        .with("field", "position_tolerance")
+        .with("joint", joint)
+        .with("value", value)
+        .with("limit", limit)
+}
+
 /// A mode as it is written on the wire.
 pub(super) fn name(mode: CommandMode) -> String {
     wire_name(serde_json::to_value(mode))

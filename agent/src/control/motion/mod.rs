@@ -18,7 +18,7 @@ mod trajectory;
 pub(super) use jog::JogMotion;
 pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
-use armada_model::{MonoTime, MotionState};
+use armada_model::{JointVector, MonoTime, MotionState};
 use armada_protocol::messages::{ActionStatus, FaultCode, MotionKind, MotionProgress};
 use uuid::Uuid;
 
@@ -91,6 +91,14 @@ impl Motion {
         match &self.source {
             Source::Jog(_) => MotionKind::JogFreespace,
             Source::Trajectory(_) => MotionKind::Trajectory,
+        }
+    }
+
+    /// How near it wants the robot to its newest set-point; empty if it does not care.
+    fn tolerance(&self) -> JointVector {
+        match &self.source {
+            Source::Jog(_) => JointVector::EMPTY,
+            Source::Trajectory(trajectory) => trajectory.tolerance(),
         }
     }
 
@@ -198,7 +206,8 @@ impl LoopState {
             self.latch(tick, fault(FaultCode::LoopError, tick.now, 0.0));
             return None;
         };
-        self.tracking.record(tick.now, set_point.joint_position);
+        let tolerance = self.motion.as_ref().map_or(JointVector::EMPTY, Motion::tolerance);
+        self.tracking.record(tick.now, set_point.joint_position, tolerance);
         if let Some(end) = end {
             self.end_motion(tick, end);
         }

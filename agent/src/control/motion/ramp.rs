@@ -37,7 +37,7 @@ impl LoopState {
         if self.limiter.last().is_none() && wanted {
             self.hold = feedback.joint_position;
             self.limiter.begin(self.hold);
-            self.tracking.record(tick.now, self.hold);
+            self.tracking.record(tick.now, self.hold, JointVector::EMPTY);
         }
     }
 

@@ -121,6 +121,13 @@ impl TrajectoryMotion {
         u32::try_from(self.waypoint).unwrap_or(u32::MAX)
     }
 
+    /// What the waypoint passed last asks for; nothing on the way to the first one.
+    pub(super) fn tolerance(&self) -> JointVector {
+        let asked = self.clock.map(|_| self.trajectory.tolerance(self.waypoint).position);
+        // Finite and one per joint, since it was compiled.
+        asked.and_then(|row| JointVector::from_slice(row).ok()).unwrap_or_default()
+    }
+
     pub(super) fn next(&mut self, now: MonoTime, period: Duration) -> Next {
         let clock = match self.clock {
             Some(clock) => clock + 1,

@@ -7,7 +7,7 @@ use armada_protocol::messages::{
     ActionStatus, CommandMode, ControllerState, FaultCode, OperationalMode, RobotFlags, StopLevel,
 };
 
-use super::rig::{JOINTS, PERIOD, Rig, follow, jog, joints, params, trajectory};
+use super::rig::{JOINTS, PERIOD, Rig, follow, jog, joints, params, trajectory, trajectory_within};
 use crate::control::{LoopEvent, LoopState, Order, ParamsError, Refusal, Snapshot};
 use crate::drivers::DriverRequest;
 
@@ -215,6 +215,25 @@ fn a_robot_that_does_not_follow_is_stopped_within_its_limits() {
     rig.until("standstill", Rig::command_rests);
     rig.ticks(5);
     assert!(rig.last.expect("a tick").command.is_some(), "then it is held");
+}
+
+#[test]
+fn a_trajectory_narrows_the_tolerance_and_never_widens_it() {
+    for (asked, limit) in [(0.004, 0.004), (1.0, 0.02)] {
+        let mut rig = Rig::in_mode(Trajectory);
+        let rows = [(0.0, [0.0; 3]), (2.0, [0.5, 0.0, 0.0])];
+        rig.follow(1, &trajectory_within(&[asked; 3], &rows)).expect("granted");
+        rig.ticks(60);
+        rig.plant.blocked = true;
+        rig.until("the fault", |rig| !rig.fault_codes().is_empty());
+        let fault = rig.events.iter().find_map(|event| match event {
+            LoopEvent::FaultLatched(fault) => Some(*fault),
+            _ => None,
+        });
+        let fault = fault.expect("latched");
+        assert_eq!((fault.code, fault.joint), (FaultCode::TrackingError, Some(0)));
+        assert_eq!(fault.limit, limit);
+    }
 }
 
 #[test]

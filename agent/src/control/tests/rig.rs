@@ -56,10 +56,19 @@ pub(super) fn params() -> Params {
 }
 
 pub(super) fn trajectory(rows: &[(f64, [f64; JOINTS])]) -> Arc<CompiledTrajectory> {
+    trajectory_within(&[], rows)
+}
+
+/// A trajectory that asks for a tolerance of position at every waypoint.
+pub(super) fn trajectory_within(
+    position_tolerance: &[f64],
+    rows: &[(f64, [f64; JOINTS])],
+) -> Arc<CompiledTrajectory> {
     let names = ["a", "b", "c"];
     let waypoints = rows.iter().map(|(time, row)| Waypoint {
         time_from_start_s: *time,
         joint_position: row.to_vec(),
+        position_tolerance: position_tolerance.to_vec(),
         ..Waypoint::default()
     });
     let trajectory = JointTrajectory {
