@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used, reason = "helpers of tests fail by panicking")]
 
 use armada_model::{
-    CompiledTrajectory, Interpolation, JointLimits, JointTrajectory, MotionLimits,
+    CompiledTrajectory, Interpolation, JerkLimit, JointLimits, JointTrajectory, MotionLimits,
     TrajectoryOptions, Waypoint,
 };
 
@@ -31,13 +31,25 @@ pub(crate) fn limits(random: &mut Uniform, joints: usize) -> MotionLimits {
     MotionLimits::new(&limits).expect("complete limits")
 }
 
-/// A spline, or a curve with jumps of acceleration at its waypoints.
+/// Of any interpolation; some are limited in jerk, others have jumps of acceleration.
 pub(crate) fn path(random: &mut Uniform) -> Path {
     let joints = 1 + random.below(7.0);
     let limits = limits(random, joints);
     let names: Vec<String> = (0..joints).map(|joint| format!("joint_{joint}")).collect();
     let count = 2 + random.below(9.0);
-    let (spacing, has_velocities) = (random.between(0.02, 1.0), random.chance(0.5));
+    let interpolation = match random.below(6.0) {
+        0 => Interpolation::JointLinear,
+        1 | 2 => Interpolation::QuinticHermite,
+        _ => Interpolation::CubicSpline,
+    };
+    let quintic = interpolation == Interpolation::QuinticHermite;
+    let options = TrajectoryOptions {
+        jerk: if quintic && random.chance(0.5) { JerkLimit::Enforced } else { JerkLimit::Ignored },
+        ..TrajectoryOptions::default()
+    };
+    let takes_velocities = interpolation != Interpolation::JointLinear;
+    let spacing = random.between(0.02, 1.0);
+    let has_velocities = takes_velocities && random.chance(0.5);
     let mut times = vec![0.0];
     let mut rows = vec![vec![0.0; joints]];
     for _ in 1..count {
@@ -67,10 +79,10 @@ pub(crate) fn path(random: &mut Uniform) -> Path {
         let asked = JointTrajectory {
             joint_names: names.clone(),
             waypoints,
-            interpolation: Interpolation::CubicSpline,
+            interpolation,
             ..JointTrajectory::default()
         };
-        CompiledTrajectory::compile(&asked, &names, &limits, &TrajectoryOptions::default())
+        CompiledTrajectory::compile(&asked, &names, &limits, &options)
     };
     // The fastest that is legal, or something slower.
     let (mut low, mut high) = (0.0, 200.0);
