@@ -58,6 +58,7 @@ golden! {
     "request_empty": Request<Empty>,
     "request_jog_freespace": Request<JogFreespaceParams>,
     "request_execute_trajectory": Request<ExecuteTrajectoryParams>,
+    "request_prepare": Request<ExecuteTrajectoryParams>,
     "request_commit": Request<CommitParams>,
     "request_cancel": Request<CancelParams>,
     "request_reset": Request<ResetParams>,
