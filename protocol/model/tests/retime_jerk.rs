@@ -5,8 +5,9 @@
 mod path_cases;
 
 use armada_model::{
-    AxisLimits, CompiledTrajectory, Grid, JointLimits, JointPath, MotionLimits, RetimeOptions,
-    SplineEnds, StackedPath, TimedPath, TrajectoryOptions, retime, retime_jerk_limited,
+    AxisLimits, CompiledTrajectory, Grid, JerkLimit, JointLimits, JointPath, MotionLimits,
+    PathTrajectoryError, RetimeOptions, SplineEnds, StackedPath, TimedPath, TrajectoryOptions,
+    retime, retime_jerk_limited,
 };
 use path_cases::{Case, axis};
 
@@ -54,6 +55,55 @@ fn all_limits_are_kept_every_millisecond_at_little_cost() {
     slower.sort_by(f64::total_cmp);
     assert!(slower[20] < 1.05, "median {}", slower[20]);
     assert!(slower[39] < 1.3, "worst {}", slower[39]);
+}
+
+/// The limits as a robot has them.
+fn motion_limits(limits: &[AxisLimits]) -> MotionLimits {
+    let joint = |axis: &AxisLimits| JointLimits {
+        lower: Some(axis.lower).filter(|lower| lower.is_finite()),
+        upper: Some(axis.upper).filter(|upper| upper.is_finite()),
+        velocity: axis.velocity,
+        acceleration: Some(axis.acceleration),
+        jerk: Some(axis.jerk),
+        effort: None,
+    };
+    MotionLimits::new(&limits.iter().map(joint).collect::<Vec<_>>()).expect("complete")
+}
+
+#[test]
+fn waypoints_keep_the_limits_of_jerk_between_them_too() {
+    let names = ["a", "b", "c", "d", "e", "f", "g"];
+    let options = TrajectoryOptions { jerk: JerkLimit::Enforced, ..TrajectoryOptions::default() };
+    let mut stretches = Vec::new();
+    for seed in 0..20 {
+        let case = Case::new(seed);
+        let timed = retime_jerk_limited(case.path(), &case.limits, &uniform(201));
+        let timed = timed.expect("can be retimed");
+        let made = timed.to_smooth_trajectory(&names, 0.02).expect("smooth");
+        let limits = motion_limits(&case.limits);
+        let compiled = CompiledTrajectory::compile(&made.trajectory, &names, &limits, &options)
+            .unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+        assert!((compiled.duration_s() / timed.duration_s() - made.stretch).abs() < 1e-9);
+        let middle = 0.5 * timed.duration_s();
+        let position = compiled.sample(middle * made.stretch, &mut 0).position;
+        let wanted = timed.at(middle).expect("seven joints").position;
+        assert!(position.max_abs_difference(&wanted) < 1e-4, "seed {seed}");
+        stretches.push(made.stretch);
+    }
+    stretches.sort_by(f64::total_cmp);
+    assert!(stretches[19] < 1.3, "{stretches:?}");
+}
+
+#[test]
+fn a_motion_whose_acceleration_jumps_is_refused_as_not_smooth() {
+    let case = Case::new(1);
+    let sharp = retime(case.path(), &case.limits, &uniform(201)).expect("can be retimed");
+    let names = ["a", "b", "c", "d", "e", "f", "g"];
+    let error = sharp.to_smooth_trajectory(&names, 0.02).expect_err("bang-bang");
+    assert!(
+        matches!(error, PathTrajectoryError::NotSmooth { stretch } if stretch > 2.0),
+        "{error}"
+    );
 }
 
 #[test]

@@ -10,6 +10,7 @@
 mod geometric;
 mod jerk;
 mod retime;
+mod smooth;
 mod spline;
 mod stacked;
 mod timed;

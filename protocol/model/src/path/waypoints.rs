@@ -67,6 +67,15 @@ pub enum PathTrajectoryError {
         /// Its velocity \[rad/s or m/s\].
         velocity: f64,
     },
+    /// The motion is not one that polynomials limited in jerk can follow.
+    #[error(
+        "the motion would have to be {stretch} times as long to keep limits of jerk between its \
+         waypoints; retime it limited in jerk, or give a smaller spacing"
+    )]
+    NotSmooth {
+        /// The factor.
+        stretch: f64,
+    },
     /// A joint leaves its position limits.
     #[error("joint {joint}: position {value} at about {time_s} s is beyond the limit {limit}")]
     PositionBeyondLimit {
@@ -91,7 +100,7 @@ impl<P: GeometricPath> TimedPath<P> {
     /// slowing the whole motion down. So
     /// [`CompiledTrajectory::compile`](crate::CompiledTrajectory::compile) accepts the result for
     /// the limits that the path was retimed with. Acceleration may jump at waypoints; jerk is not
-    /// promised.
+    /// promised: for that there is [`to_smooth_trajectory`](Self::to_smooth_trajectory).
     ///
     /// # Errors
     /// [`PathTrajectoryError::NameCount`] if there is not one name per coordinate,
@@ -128,7 +137,7 @@ impl<P: GeometricPath> TimedPath<P> {
     }
 
     /// Into how many equal steps of at most `spacing_s` the duration is divided.
-    fn steps(&self, spacing_s: f64) -> Result<usize, PathTrajectoryError> {
+    pub(super) fn steps(&self, spacing_s: f64) -> Result<usize, PathTrajectoryError> {
         let is_enough = spacing_s >= MIN_WAYPOINT_SPACING_S;
         if !is_enough {
             return Err(PathTrajectoryError::Spacing { spacing_s });
