@@ -60,7 +60,32 @@ def fk(ask):
     return {"ns": ns, "links": links}
 
 
-KINDS = {"fk": fk}
+def jacobian(ask):
+    """Jacobian of one link in another, with the pose of the link."""
+    import pinocchio as pin
+
+    model = pin.buildModelFromXML(ask["urdf"])
+    data = model.createData()
+    tip, base = model.getFrameId(ask["tip"]), model.getFrameId(ask["base"])
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+    def call(q):
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacement(model, data, tip)
+        return pin.getFrameJacobian(model, data, tip, axes)
+
+    inputs = [configuration(pin, model, positions) for positions in ask["configurations"]]
+    ns = timed(ask["calls"], inputs, call)
+    rows = call(inputs[0])
+    turn = pin.updateFramePlacement(model, data, base).rotation.T
+    columns = {}
+    for name in ask["configurations"][0]:
+        column = rows[:, model.joints[model.getJointId(name)].idx_v]
+        columns[name] = [*(turn @ column[:3]).tolist(), *(turn @ column[3:]).tolist()]
+    return {"ns": ns, "columns": columns}
+
+
+KINDS = {"fk": fk, "jacobian": jacobian}
 
 
 def main():
