@@ -55,6 +55,7 @@ fn without_python_our_own_side_is_measured_and_the_remedy_told() {
     let titles = titles(&report);
     let rows = ["fk of all links: six", "fk of all links: seven", "pose and jacobian: seven"];
     let rows = rows.into_iter().chain(["inverse kinematics: six", "inverse kinematics: seven"]);
+    let rows = rows.chain(["retiming", "retargeting", "tick", "clearance", "motion on its path"]);
     let rows: Vec<_> = rows.collect();
     assert_eq!(titles.len(), rows.len(), "{titles:?}");
     for (title, begin) in titles.iter().zip(rows) {
@@ -86,7 +87,7 @@ fn targets_stand_beside_the_figures() {
             targets += 1;
         }
     }
-    assert_eq!(targets, 5, "jacobian, two for each of two arms");
+    assert_eq!(targets, 8, "jacobian, two for each of two arms, retime, retarget, clearance");
 }
 
 #[test]
@@ -97,7 +98,7 @@ fn without_the_library_the_remedy_is_told() {
     assert_eq!(values(&report, 1), json!([]));
     let notes = report["notes"].as_array().expect("notes");
     let missing = |name| json!(format!("{name} is not installed: pip install pin ruckig toppra"));
-    assert_eq!(notes[1..], ["pin"].map(missing));
+    assert_eq!(notes[1..], ["pin", "toppra", "ruckig"].map(missing));
 }
 
 #[test]

@@ -1,19 +1,23 @@
 //! `armada bench motion`: what kinematics and motion cost, against the libraries that others use.
 //!
 //! ```text
-//! fk jacobian ik   one file for each kind of row
-//!   | ask           robots random   descriptions and configurations
+//! fk jacobian ik retime retarget clearance on_path      one file for each kind of row
+//!   | ask                                  robots random   descriptions and configurations
 //!   v
 //! peer -----> peer.py, a Python process with pinocchio, toppra and ruckig where installed
 //! ```
 //!
 //! Both sides calculate the same inputs, by turns, on one core, and their answers are compared.
 
+mod clearance;
 mod fk;
 mod ik;
 mod jacobian;
+mod on_path;
 mod peer;
 mod random;
+mod retarget;
+mod retime;
 mod robots;
 
 use std::hint::black_box;
@@ -107,7 +111,7 @@ pub(super) async fn measure(args: MotionArgs) -> anyhow::Result<Report> {
             used.join(", ")
         ));
     }
-    report.note("inverse kinematics has no peer");
+    report.note("inverse kinematics, clearance and motion on a path have no peer");
     match failure {
         Some(failure) => report.note(failure),
         None => missing.iter().for_each(|package| {
@@ -130,6 +134,11 @@ async fn rows(bench: &mut Bench<'_>, robots: &[Robot], report: &mut Report) -> a
     for arm in &arms {
         report.section(ik::measure(bench, arm)?);
     }
+    report.section(retime::measure(bench).await?);
+    retarget::measure(bench).await?.into_iter().for_each(|section| report.section(section));
+    let two = own_arms.iter().find(|arm| arm.chain.len() == 7).context("no seven-axis arm")?;
+    report.section(clearance::measure(bench, two.robot)?);
+    report.section(on_path::measure(bench)?);
     Ok(())
 }
 
