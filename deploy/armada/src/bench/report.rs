@@ -87,11 +87,13 @@ impl Section {
         Self { title: title.into(), columns, rows: Vec::new() }
     }
 
-    /// Adds what was measured: for each pair, the figures in the order of the columns.
+    /// Adds what was measured: for each pair, the figures in the order of the columns. What is not
+    /// a number is left out.
     #[must_use]
     pub(super) fn row<C: AsRef<[f64]>>(mut self, name: impl Into<String>, pairs: &[C]) -> Self {
         let column = |column| pairs.iter().filter_map(move |p| p.as_ref().get(column).copied());
-        let cells = (0..self.columns.len()).map(|index| Cell::of(column(index).collect()));
+        let numbers = |index| column(index).filter(|value: &f64| !value.is_nan()).collect();
+        let cells = (0..self.columns.len()).map(|index| Cell::of(numbers(index)));
         let row = Row { name: name.into(), cells: cells.collect() };
         self.rows.push(row);
         self

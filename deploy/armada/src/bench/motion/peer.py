@@ -60,7 +60,98 @@ def fk(ask):
     return {"ns": ns, "links": links}
 
 
-KINDS = {"fk": fk}
+def jacobian(ask):
+    """Jacobian of one link in another, with the pose of the link."""
+    import pinocchio as pin
+
+    model = pin.buildModelFromXML(ask["urdf"])
+    data = model.createData()
+    tip, base = model.getFrameId(ask["tip"]), model.getFrameId(ask["base"])
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+    def call(q):
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacement(model, data, tip)
+        return pin.getFrameJacobian(model, data, tip, axes)
+
+    inputs = [configuration(pin, model, positions) for positions in ask["configurations"]]
+    ns = timed(ask["calls"], inputs, call)
+    rows = call(inputs[0])
+    turn = pin.updateFramePlacement(model, data, base).rotation.T
+    columns = {}
+    for name in ask["configurations"][0]:
+        column = rows[:, model.joints[model.getJointId(name)].idx_v]
+        columns[name] = [*(turn @ column[:3]).tolist(), *(turn @ column[3:]).tolist()]
+    return {"ns": ns, "columns": columns}
+
+
+def clocked(call):
+    """What `call` returns, and the microseconds it takes."""
+    begin = time.perf_counter_ns()
+    found = call()
+    return found, (time.perf_counter_ns() - begin) / 1000.0
+
+
+def quantiles(times):
+    """Median and 99th percentile, by the nearest rank."""
+    times = sorted(times)
+    return [times[max(math.ceil(q * len(times)), 1) - 1] for q in (0.5, 0.99)]
+
+
+def retime(ask):
+    """Time-optimal motions along splines; splines and limits are made before."""
+    import logging
+
+    import numpy as np
+    import toppra
+    import toppra.algorithm
+    import toppra.constraint as constraint
+
+    logging.getLogger("toppra").setLevel(logging.ERROR)
+    scheme = constraint.DiscretizationType.Interpolation
+    cases = []
+    for path in ask["paths"]:
+        s = np.array(path["parameters"])
+        spline = toppra.SplineInterpolator(s, np.array(path["waypoints"]), bc_type="not-a-knot")
+        limits = [
+            constraint.JointVelocityConstraint(np.array(path["velocity"])),
+            constraint.JointAccelerationConstraint(np.array(path["acceleration"]), scheme),
+        ]
+        cases.append((spline, limits, np.linspace(s[0], s[-1], ask["points"])))
+
+    def call(spline, limits, grid):
+        solver = toppra.algorithm.TOPPRA(limits, spline, gridpoints=grid, solver_wrapper="seidel")
+        _, speeds, _ = solver.compute_parameterization(0.0, 0.0)
+        return float(np.sum(2.0 * np.diff(grid) / (speeds[1:] + speeds[:-1])))
+
+    durations = [call(*case) for case in cases]
+    times = [clocked(lambda: call(*case))[1] for _ in range(ask["rounds"]) for case in cases]
+    return {"us": quantiles(times), "durations_s": durations}
+
+
+def retarget(ask):
+    """Jerk-limited motions from states in motion to rest."""
+    import ruckig
+
+    joints = len(ask["cases"][0]["target"])
+    solver, trajectory = ruckig.Ruckig(joints), ruckig.Trajectory(joints)
+    durations, times = [], []
+    for case in ask["cases"]:
+        request = ruckig.InputParameter(joints)
+        request.current_position = case["position"]
+        request.current_velocity = case["velocity"]
+        request.current_acceleration = case["acceleration"]
+        request.target_position = case["target"]
+        request.max_velocity, request.max_acceleration, request.max_jerk = case["limits"]
+        result, took = clocked(lambda: solver.calculate(request, trajectory))
+        if result != ruckig.Result.Working:
+            raise ValueError(f"ruckig answers {result}")
+        durations.append(trajectory.duration)
+        times.append(took)
+    return {"us": quantiles(times), "durations_s": durations}
+
+
+KINDS = {"fk": fk, "jacobian": jacobian, "retime": retime, "retarget": retarget}
 
 
 def main():

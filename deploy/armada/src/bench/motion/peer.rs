@@ -68,6 +68,14 @@ impl Peer {
         self.installed.packages.get(package)?.as_deref()
     }
 
+    /// Names and versions of the libraries that are installed.
+    pub(super) fn versions(&self) -> Vec<String> {
+        let packages = self.installed.packages.iter();
+        packages
+            .filter_map(|(name, version)| Some(format!("{name} {}", version.as_ref()?)))
+            .collect()
+    }
+
     /// Asks for one measurement.
     pub(super) async fn ask<T: DeserializeOwned>(&mut self, ask: &Value) -> anyhow::Result<T> {
         self.asks.write_all(format!("{ask}\n").as_bytes()).await?;

@@ -5,12 +5,25 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use armada_model::{JointLimits, RobotModel};
+use armada_model::{Chain, JointLimits, RobotModel};
+
+use super::random::SplitMix;
 
 /// Our own robots, part of this program.
 const OWN: [(&str, &str); 2] = [
     ("six_axis_arm", include_str!("../../../../../config/robots/six_axis_arm.urdf")),
     ("seven_axis_arm", include_str!("../../../../../config/robots/seven_axis_arm.urdf")),
+];
+
+/// Arms that are known by the names of their files: file, base link, tip link.
+const ARMS: [(&str, &str, &str); 7] = [
+    ("panda", "panda_link0", "panda_hand"),
+    ("ur5e", "base_link", "tool0"),
+    ("iiwa14", "base", "iiwa_link_ee"),
+    ("rm_75", "base_link", "Link7"),
+    ("fr3", "fr3_link0", "fr3_hand_tcp"),
+    ("six_axis_arm", "base_link", "tool0"),
+    ("seven_axis_arm", "base_link", "tool0"),
 ];
 
 /// A robot to calculate with.
@@ -38,6 +51,18 @@ pub(super) fn load(folder: Option<&Path>) -> anyhow::Result<Vec<Robot>> {
     files.into_iter().map(load).collect()
 }
 
+/// The arms among `robots` that are known, Panda first.
+pub(super) fn arms(robots: &[Robot]) -> anyhow::Result<Vec<Arm<'_>>> {
+    let mut arms = Vec::new();
+    for (name, base, tip) in ARMS {
+        for robot in robots.iter().filter(|robot| robot.name == name) {
+            let chain = Chain::new(&robot.model, base, tip).with_context(|| name.to_owned())?;
+            arms.push(Arm { robot, chain });
+        }
+    }
+    Ok(arms)
+}
+
 fn robot(name: &str, urdf: String) -> anyhow::Result<Robot> {
     let model = RobotModel::from_urdf(&urdf, name)?;
     Ok(Robot { name: name.to_owned(), urdf, model })
@@ -56,13 +81,31 @@ fn descriptions(folder: &Path, files: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// A chain of links of a robot.
+#[derive(Debug)]
+pub(super) struct Arm<'a> {
+    pub(super) robot: &'a Robot,
+    pub(super) chain: Chain,
+}
+
+impl Arm<'_> {
+    /// A random posture within the limits, and within half a turn from zero.
+    pub(super) fn posture(&self, random: &mut SplitMix) -> Vec<f64> {
+        let position = |limits: &JointLimits, random: &mut SplitMix| {
+            let (lower, upper) = (limits.lower.unwrap_or(-PI), limits.upper.unwrap_or(PI));
+            random.between(lower.max(-PI), upper.min(PI))
+        };
+        self.chain.variables().iter().map(|v| position(&v.limits, random)).collect()
+    }
+}
+
 impl Robot {
     /// Position vectors within the limits, spread evenly, the same each time.
     pub(super) fn configurations(&self, count: usize) -> Vec<Vec<f64>> {
-        let mut random = SplitMix(0x41_52_4d_41_44_41);
+        let mut random = SplitMix::new(0x41_52_4d_41_44_41);
         let mut position = |limits: &JointLimits| {
             let (lower, upper) = (limits.lower.unwrap_or(-PI), limits.upper.unwrap_or(PI));
-            lower + random.unit() * (upper - lower)
+            random.between(lower, upper)
         };
         (0..count)
             .map(|_| self.model.variables().map(|v| position(&v.motion.limits)).collect())
@@ -76,23 +119,6 @@ impl Robot {
             Some((joint.name.as_str(), motion.position.evaluate(positions)))
         });
         moving.collect()
-    }
-}
-
-/// Source: Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014.
-struct SplitMix(u64);
-
-impl SplitMix {
-    /// A number from 0 to 1, without 1.
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut mixed = self.0;
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^= mixed >> 31;
-        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-        let mantissa = (mixed >> 11) as f64;
-        mantissa / (1u64 << 53) as f64
     }
 }
 
@@ -112,6 +138,21 @@ mod tests {
                 assert!(robot.model.variables().zip(positions).all(fits), "{}", robot.name);
             }
             assert_ne!(configurations[0], configurations[1]);
+        }
+    }
+
+    #[test]
+    fn our_own_arms_are_known_and_their_postures_lie_within_limits() {
+        let robots = load(None).expect("our own robots are sound");
+        let arms = arms(&robots).expect("their links are known");
+        assert_eq!(arms.iter().map(|arm| arm.chain.len()).collect::<Vec<_>>(), [6, 7]);
+        let mut random = SplitMix::new(1);
+        for arm in &arms {
+            for _ in 0..20 {
+                let posture = arm.posture(&mut random);
+                let fits = |(v, &q): (&armada_model::ChainVariable, &f64)| v.limits.contains(q);
+                assert!(arm.chain.variables().iter().zip(&posture).all(fits));
+            }
         }
     }
 

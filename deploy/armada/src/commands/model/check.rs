@@ -5,6 +5,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::file::FileArgs;
+use super::input::one_stdin;
+use super::srdf::{self, SrdfAnswer};
 use crate::exit::Exit;
 use crate::output::Output;
 use crate::table::Table;
@@ -13,31 +15,42 @@ use crate::table::Table;
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   armada model check arm.urdf
+  armada model check arm.urdf arm.srdf
   armada model check arm.urdf --json | jq '.problems[] | .line, .remedy'
   xacro arm.urdf.xacro | armada model check -
 
 Problems make the file unusable, and the exit code 1; warnings do not. Mesh files are counted, not
-opened.
+opened. With an SRDF, exit code 1 also if it cannot be read, or an entry of it cannot be used.
 
 With --json: {\"file\", \"usable\": BOOL, \"problems\" and \"warnings\": [{\"line\", \"column\", \"message\",
 \"remedy\"}], \"omitted_problems\", \"omitted_warnings\": NUMBER, \"robot\": null or {\"name\", \"links\",
-\"joints\", \"driven\": NUMBER, \"mass_kg\", \"chains\": [{\"root\", \"tip\", \"driven\": [NAME]}]}}")]
+\"joints\", \"driven\": NUMBER, \"mass_kg\", \"chains\": [{\"root\", \"tip\", \"driven\": [NAME]}]}, \"srdf\": null or
+{\"file\", \"readable\": BOOL, \"problems\": [{\"severity\": \"warning\" or \"error\", \"line\", \"column\",
+\"element\", \"message\", \"remedy\"}]}}; an SRDF is read only if the URDF can be used.")]
 pub(super) struct CheckArgs {
     #[command(flatten)]
     file: FileArgs,
+    /// SRDF of the robot, or - for standard input
+    #[arg(value_name = "FILE.srdf")]
+    srdf: Option<String>,
 }
 
-/// Tells everything that is to be said about the file.
+/// Tells everything that is to be said about the files.
 pub(super) fn run(args: &CheckArgs) -> anyhow::Result<Exit> {
+    one_stdin(&[Some(&args.file.file), args.srdf.as_deref()])?;
     let report = args.file.report()?;
-    let answer = Answer::of(args.file.label(), &report);
+    let mut answer = Answer::of(args.file.label(), &report);
+    if let (Some(file), Some(model)) = (&args.srdf, &report.model) {
+        answer.srdf = Some(SrdfAnswer::of(srdf::label(file), &srdf::text_of(file)?, model));
+    }
     let out = Output::new(args.file.json);
     if out.is_json() {
         out.json(&answer)?;
     } else {
         print(&answer, &out)?;
     }
-    Ok(if answer.usable { Exit::Success } else { Exit::Failure })
+    let is_sound = answer.usable && answer.srdf.as_ref().is_none_or(SrdfAnswer::is_usable);
+    Ok(if is_sound { Exit::Success } else { Exit::Failure })
 }
 
 #[derive(Debug, Serialize)]
@@ -49,6 +62,7 @@ struct Answer<'r> {
     omitted_problems: usize,
     omitted_warnings: usize,
     robot: Option<Summary<'r>>,
+    srdf: Option<SrdfAnswer<'r>>,
 }
 
 #[derive(Debug, Serialize)]
@@ -101,6 +115,7 @@ impl<'r> Answer<'r> {
             omitted_problems: report.omitted_problems,
             omitted_warnings: report.omitted_warnings,
             robot: report.model.as_ref().map(Summary::of),
+            srdf: None,
         }
     }
 }
@@ -177,8 +192,11 @@ fn print(answer: &Answer<'_>, out: &Output) -> anyhow::Result<()> {
     }
     let can = if answer.usable { "can be used" } else { "CANNOT BE USED" };
     out.line(format_args!("{} {can}: problems {problems}, warnings {warnings}", answer.file))?;
-    match &answer.robot {
-        Some(robot) => print_robot(robot, out),
+    if let Some(robot) = &answer.robot {
+        print_robot(robot, out)?;
+    }
+    match &answer.srdf {
+        Some(srdf) => srdf.print(out),
         None => Ok(()),
     }
 }

@@ -4,12 +4,12 @@
 
 use armada_model::{Pose, RobotModel};
 use clap::Args;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use super::file::FileArgs;
 use super::input::one_stdin;
-use super::joints::{JointsArgs, outside_limits};
-use super::pose;
+use super::joints::{JointsArgs, as_map, outside_limits};
+use super::pose::{self, rows};
 use crate::exit::{Exit, UsageError};
 use crate::output::{self, Output};
 use crate::table::Table;
@@ -53,14 +53,6 @@ struct Answer<'m> {
     #[serde(serialize_with = "as_map")]
     links: Vec<(&'m str, [[f64; 4]; 4])>,
     warnings: Vec<String>,
-}
-
-/// In the order of the robot, which a map would lose.
-fn as_map<S: Serializer, V: Serialize>(
-    entries: &[(&str, V)],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(entries.iter().map(|(name, value)| (name, value)))
 }
 
 /// Prints where the links are.
@@ -118,12 +110,6 @@ fn poses<'m>(
         })
     };
     names.iter().map(find).collect()
-}
-
-/// The 4x4 matrix of a pose, row by row.
-fn rows(pose: &Pose) -> [[f64; 4]; 4] {
-    let matrix = pose.isometry().to_homogeneous();
-    [0, 1, 2, 3].map(|row| [0, 1, 2, 3].map(|column| matrix[(row, column)]))
 }
 
 fn table(poses: &[(&str, Pose)]) -> Table {

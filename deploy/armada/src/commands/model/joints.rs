@@ -5,6 +5,7 @@ use std::fmt;
 use armada_model::{JointType, PositionSource, RobotModel, Variable};
 use clap::Args;
 use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 use super::input::{place_of, text_of};
@@ -87,6 +88,14 @@ pub(super) fn outside_limits(model: &RobotModel, positions: &[f64]) -> Vec<Strin
         })
     };
     model.variables().zip(positions).filter_map(outside).collect()
+}
+
+/// In the order of the robot, which a map would lose.
+pub(super) fn as_map<S: Serializer, V: Serialize>(
+    entries: &[(&str, V)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(entries.iter().map(|(name, value)| (name, value)))
 }
 
 /// Unit of a joint's position.

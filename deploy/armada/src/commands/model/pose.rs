@@ -61,6 +61,12 @@ pub(super) fn parse(text: &str) -> Result<Pose, PoseInputError> {
     }
 }
 
+/// The 4x4 matrix of a pose, row by row.
+pub(super) fn rows(pose: &Pose) -> [[f64; 4]; 4] {
+    let matrix = pose.isometry().to_homogeneous();
+    [0, 1, 2, 3].map(|row| [0, 1, 2, 3].map(|column| matrix[(row, column)]))
+}
+
 fn shape(reason: &str) -> PoseInputError {
     PoseInputError::Shape { reason: reason.to_owned() }
 }
@@ -126,7 +132,7 @@ mod tests {
         Isometry3::new(Vector3::new(0.1, -2.0, 3.5), Vector3::new(0.4, 3.0, -0.6))
     }
 
-    fn rows(matrix: &Matrix4<f64>) -> String {
+    fn text_of_rows(matrix: &Matrix4<f64>) -> String {
         let row = |row: usize| [0, 1, 2, 3].map(|column| matrix[(row, column)]);
         serde_json::to_string(&[0, 1, 2, 3].map(row)).expect("numbers")
     }
@@ -135,8 +141,8 @@ mod tests {
     fn wire_form_rows_and_sixteen_numbers_are_the_same_pose() {
         let matrix = sample().to_homogeneous();
         let wire = serde_json::to_string(&Pose::from_isometry(sample())).expect("a pose");
-        let flat = rows(&matrix).replace("],[", ",").replace("[[", "[").replace("]]", "]");
-        for text in [wire, rows(&matrix), flat] {
+        let flat = text_of_rows(&matrix).replace("],[", ",").replace("[[", "[").replace("]]", "]");
+        for text in [wire, text_of_rows(&matrix), flat] {
             let (distance, angle) =
                 parse(&text).expect(&text).distance(&Pose::from_isometry(sample()));
             assert!(distance < 1e-15 && angle < 1e-7, "{text}: {distance} m, {angle} rad");
@@ -146,7 +152,7 @@ mod tests {
     #[test]
     fn a_matrix_of_four_digits_becomes_the_nearest_rotation() {
         let rounded = sample().to_homogeneous().map(|value| (value * 1e4).round() / 1e4);
-        let pose = parse(&rows(&rounded)).expect("near enough");
+        let pose = parse(&text_of_rows(&rounded)).expect("near enough");
         let (distance, angle) = pose.distance(&Pose::from_isometry(sample()));
         assert!(distance < 1e-4 && angle < 1e-4, "{distance} m, {angle} rad");
     }
@@ -155,7 +161,7 @@ mod tests {
     fn a_half_turn_is_taken_about_any_axis() {
         for axis in [Vector3::x(), Vector3::y(), Vector3::new(0.6, 0.0, 0.8)] {
             let turn = Isometry3::rotation(axis * std::f64::consts::PI);
-            let pose = parse(&rows(&turn.to_homogeneous())).expect("a rotation");
+            let pose = parse(&text_of_rows(&turn.to_homogeneous())).expect("a rotation");
             let (_, angle) = pose.distance(&Pose::from_isometry(turn));
             assert!(angle < 1e-7, "{axis}: {angle}");
         }
