@@ -123,7 +123,7 @@ impl<P: GeometricPath> TimedPath<P> {
     /// What can be wrong once velocity, acceleration and jerk are left out.
     fn refusal(&self, error: TrajectoryError, columns: &[usize]) -> PathTrajectoryError {
         let column =
-            |name: &str| name.parse().ok().or(columns.first().copied()).unwrap_or_default();
+            |name: &str| name.parse().ok().or_else(|| columns.first().copied()).unwrap_or_default();
         match error {
             TrajectoryError::BeyondLimit { joint, time_s, value, limit, .. } => {
                 let joint = column(&joint);
