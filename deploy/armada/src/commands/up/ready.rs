@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::bail;
 use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{
-    CellRobotStatus, CellStatus, CommandMode, ControllerState, Presence,
+    CellRobotStatus, CellStatus, CommandMode, ControllerState, DenialCode, Presence,
 };
 use tokio::time::{Instant, sleep};
 
@@ -39,11 +39,7 @@ pub(super) async fn wait(
                 progress.show(&format!("waiting for {}", missing.join("; ")));
                 last = Some(missing);
             }
-            Err(
-                ClientError::NobodyThere { .. }
-                | ClientError::NoReply { .. }
-                | ClientError::Timeout { .. },
-            ) => progress.show("waiting for the gateway"),
+            Err(error) if is_only_early(&error) => progress.show("waiting for the gateway"),
             Err(error) => return Err(error.into()),
         }
         if clock::now() >= deadline.into_std() {
@@ -53,6 +49,17 @@ pub(super) async fn wait(
             }
         }
         sleep(PAUSE).await;
+    }
+}
+
+/// Whether an answer may yet come: a gateway that begins has no status at first.
+fn is_only_early(error: &ClientError) -> bool {
+    match error {
+        ClientError::NobodyThere { .. }
+        | ClientError::NoReply { .. }
+        | ClientError::Timeout { .. } => true,
+        ClientError::Denied(denial) => denial.code == DenialCode::NotReady,
+        _ => false,
     }
 }
 
@@ -88,10 +95,17 @@ fn is_ready(robot: &CellRobotStatus) -> bool {
 #[cfg(test)]
 mod tests {
     use armada_model::MonoTime;
-    use armada_protocol::messages::CellVerdict;
+    use armada_protocol::messages::{CellVerdict, Denial};
     use uuid::Uuid;
 
     use super::*;
+
+    #[test]
+    fn a_gateway_that_is_starting_is_waited_for_and_one_that_refuses_is_not() {
+        let denied = |code| ClientError::Denied(Denial::new(code, "no"));
+        assert!(is_only_early(&denied(DenialCode::NotReady)));
+        assert!(!is_only_early(&denied(DenialCode::Internal)));
+    }
 
     #[test]
     fn a_robot_that_is_not_ready_is_told_with_the_reason() {
