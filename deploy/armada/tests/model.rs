@@ -2,58 +2,20 @@
 #![expect(clippy::expect_used, reason = "helpers of tests may panic as the tests do")]
 #![allow(clippy::print_stdout, reason = "a skipped test says so")]
 
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+mod model_process;
 
+use std::process::Output;
+
+use model_process::{model, model_with_input, own, shared, text};
 use serde_json::{Value, json};
 
 /// Largest difference in any element of a transform.
 const TOLERANCE: f64 = 1e-9;
 
-fn model(arguments: &[&str]) -> Output {
-    model_with_input(arguments, "")
-}
-
-fn model_with_input(arguments: &[&str], input: &str) -> Output {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_armada"))
-        .arg("model")
-        .args(arguments)
-        .env_remove("RUST_LOG")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("it runs");
-    let mut stdin = child.stdin.take().expect("a pipe");
-    // It may end without reading.
-    drop(stdin.write_all(input.as_bytes()));
-    drop(stdin);
-    child.wait_with_output().expect("it ends")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
 #[track_caller]
 fn answer(output: &Output) -> Value {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("JSON")
-}
-
-/// One of our own robots.
-fn own(file: &str) -> String {
-    format!("{}/../../config/robots/{file}", env!("CARGO_MANIFEST_DIR"))
-}
-
-fn shared(path: &str) -> Option<PathBuf> {
-    let found = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared").join(path);
-    if !found.exists() {
-        println!("SKIPPED: ../shared/{path} is not beside the checkout");
-        return None;
-    }
-    Some(found)
 }
 
 /// Compares every link in every golden configuration of a robot; gives how many.

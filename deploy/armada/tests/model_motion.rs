@@ -2,43 +2,16 @@
 #![expect(clippy::expect_used, reason = "helpers of tests may panic as the tests do")]
 #![allow(clippy::print_stdout, reason = "a skipped test says so")]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod model_process;
 
+use model_process::{model, own, shared, text};
 use serde_json::{Value, json};
-
-fn model(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_armada"))
-        .arg("model")
-        .args(arguments)
-        .env_remove("RUST_LOG")
-        .output()
-        .expect("it runs")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
 
 #[track_caller]
 fn answer(arguments: &[&str]) -> Value {
     let output = model(arguments);
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("JSON")
-}
-
-/// One of our own robots.
-fn own(file: &str) -> String {
-    format!("{}/../../config/robots/{file}", env!("CARGO_MANIFEST_DIR"))
-}
-
-fn shared(path: &str) -> Option<PathBuf> {
-    let found = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared").join(path);
-    if !found.exists() {
-        println!("SKIPPED: ../shared/{path} is not beside the checkout");
-        return None;
-    }
-    Some(found)
 }
 
 fn number(value: &Value) -> f64 {
@@ -120,6 +93,43 @@ fn ik_finds_joints_that_fk_puts_at_the_pose() {
     }
     let all = answer(&["ik", &urdf, "--tip", "tool0", "--pose", &pose, "--all", "--json"]);
     assert_eq!(all["branches"].as_array().map(Vec::len), Some(8));
+}
+
+#[test]
+fn ik_of_a_position_alone_leaves_the_orientation_free() {
+    let urdf = own("six_axis_arm.urdf");
+    let pose =
+        r#"{"position_m":{"x":0.6,"y":0.2,"z":0.5},"orientation":{"w":0,"x":1,"y":0,"z":0}}"#;
+    let tip = ["ik", &urdf, "--tip", "tool0", "--pose", pose, "--position-only", "--json"];
+    let found = answer(&tip);
+    let joints = found["joints"].to_string();
+    let placed = answer(&["fk", &urdf, "--joints", &joints, "--json"]);
+    for (row, wanted) in [0.6, 0.2, 0.5].into_iter().enumerate() {
+        let reached = number(&placed["links"]["tool0"][row][3]);
+        assert!((reached - wanted).abs() < 1e-5, "{row}: {reached} for {wanted}");
+    }
+}
+
+#[test]
+fn every_posture_of_a_seven_axis_arm_reaches_the_pose() {
+    let Some(urdf) = shared("robots/iiwa14/iiwa14.urdf") else { return };
+    let urdf = urdf.to_string_lossy().into_owned();
+    let q = r#"[0.3, 0.5, -0.2, -1.2, 0.4, 0.7, 0.1]"#;
+    let tip = "iiwa_link_ee";
+    let wanted = &answer(&["fk", &urdf, "--joints", q, "--json"])["links"][tip];
+    let pose = wanted.to_string();
+    let all = ["ik", &urdf, "--tip", tip, "--pose", &pose, "--seed", q, "--all", "--json"];
+    let found = answer(&all);
+    let branches = found["branches"].as_array().expect("branches");
+    assert!(branches.len() >= 4, "{found}");
+    for branch in branches {
+        let joints = branch["joints"].to_string();
+        let reached = &answer(&["fk", &urdf, "--joints", &joints, "--json"])["links"][tip];
+        for (row, column) in (0..3).flat_map(|row| (0..4).map(move |column| (row, column))) {
+            let (a, b) = (number(&reached[row][column]), number(&wanted[row][column]));
+            assert!((a - b).abs() < 1e-6, "{branch}: {a} for {b}");
+        }
+    }
 }
 
 #[test]

@@ -34,6 +34,7 @@ mod srdf;
 mod time;
 mod trajectory;
 mod urdf;
+mod xml;
 
 pub use analytic::{
     AnalyticArm, AnalyticError, ArmFamily, BeyondLimit, Branch, BranchError, Branches,

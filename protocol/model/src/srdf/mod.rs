@@ -17,9 +17,10 @@ mod rest;
 mod source;
 mod states;
 
+use crate::xml::Source;
 use crate::{Place, RobotModel};
 pub use problem::{Severity, SrdfFault, SrdfProblem};
-use source::{Element, Problems, Source};
+use source::{Element, Problems};
 
 /// What an SRDF says about a robot, as indices into its [`RobotModel`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -205,7 +206,7 @@ impl Srdf {
         model: &RobotModel,
     ) -> Result<(Self, Vec<SrdfProblem>), SrdfError> {
         let source = Source::new(text, file);
-        let document = source.parse()?;
+        let document = source::parse(&source)?;
         let root = Element::root(&document, &source);
         check_root(&root)?;
         let mut reader =

@@ -1,66 +1,24 @@
 //! XML with positions, for the entries of an SRDF.
 
-use std::sync::Arc;
-
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::{Document, Node};
 
 use super::problem::{Severity, SrdfFault, SrdfProblem};
 use super::{SrdfError, SrdfErrorKind};
 use crate::Place;
-use crate::urdf::guard::{self, MAX_ATTRIBUTES};
+use crate::xml::{MAX_ATTRIBUTES, MAX_BYTES, Source, Unreadable};
 
-/// Largest SRDF \[bytes\]; the largest known one has 0.1 MiB.
-const MAX_BYTES: usize = 16 * 1024 * 1024;
-/// Most XML nodes, so that memory stays bounded by the size of the text.
-const MAX_NODES: u32 = 1_000_000;
-
-/// A text with its label: where its bytes stand.
-pub(super) struct Source<'t> {
-    file: Arc<str>,
-    text: &'t str,
-    /// Byte at which each line starts.
-    line_starts: Vec<usize>,
-}
-
-impl<'t> Source<'t> {
-    pub(super) fn new(text: &'t str, file: &str) -> Self {
-        let after = text.match_indices('\n').map(|(at, _)| at + 1);
-        Self { file: file.into(), text, line_starts: std::iter::once(0).chain(after).collect() }
-    }
-
-    /// The text as a tree; document type declarations, and so entities, are refused.
-    pub(super) fn parse(&self) -> Result<Document<'t>, SrdfError> {
-        if self.text.len() > MAX_BYTES {
-            let kind = SrdfErrorKind::TooLarge { bytes: self.text.len(), limit: MAX_BYTES };
-            return Err(self.error(0, kind));
-        }
-        if let Some(start) = guard::overfull_element(self.text) {
-            let kind = SrdfErrorKind::TooManyAttributes { limit: MAX_ATTRIBUTES };
-            return Err(self.error(start, kind));
-        }
-        let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-        Document::parse_with_options(self.text, options).map_err(|error| {
-            let position = error.pos();
-            let place = self.place(position.row, position.col);
-            SrdfError { place, kind: SrdfErrorKind::Xml(error) }
-        })
-    }
-
-    fn error(&self, byte: usize, kind: SrdfErrorKind) -> SrdfError {
-        SrdfError { place: self.place_of(byte), kind }
-    }
-
-    fn place(&self, line: u32, column: u32) -> Place {
-        Place { file: Arc::clone(&self.file), line, column }
-    }
-
-    fn place_of(&self, byte: usize) -> Place {
-        let line = self.line_starts.partition_point(|&start| start <= byte);
-        let start = line.checked_sub(1).and_then(|line| self.line_starts.get(line)).copied();
-        let before = self.text.get(start.unwrap_or(0)..byte).unwrap_or_default();
-        let count = |counted: usize| u32::try_from(counted).unwrap_or(u32::MAX);
-        self.place(count(line), count(before.chars().count() + 1))
-    }
+/// The text of `source` as a tree.
+pub(super) fn parse<'t>(source: &Source<'t>) -> Result<Document<'t>, SrdfError> {
+    source.parse().map_err(|(place, fault)| {
+        let kind = match fault {
+            Unreadable::TooLarge { bytes } => SrdfErrorKind::TooLarge { bytes, limit: MAX_BYTES },
+            Unreadable::TooManyAttributes => {
+                SrdfErrorKind::TooManyAttributes { limit: MAX_ATTRIBUTES }
+            }
+            Unreadable::Xml(error) => SrdfErrorKind::Xml(error),
+        };
+        SrdfError { place, kind }
+    })
 }
 
 /// An element of the document.
@@ -109,11 +67,11 @@ impl<'d> Element<'d> {
     }
 
     pub(super) fn place(&self) -> Place {
-        self.source.place_of(self.node.range().start)
+        self.source.place(self.node.range().start)
     }
 
     pub(super) fn line(&self) -> u32 {
-        self.place().line
+        self.source.line(self.node.range().start)
     }
 
     pub(super) fn fatal(&self, kind: SrdfErrorKind) -> SrdfError {

@@ -13,7 +13,6 @@
 mod convert;
 mod error;
 mod findings;
-pub(crate) mod guard;
 mod joint;
 mod link;
 mod remedy;

@@ -5,10 +5,11 @@ use super::error::{UrdfError, UrdfProblem};
 use super::findings::Problems;
 use super::review::{self, Doubts};
 use super::scan::{self, Scan};
-use super::source::{Element, Source};
+use super::source::{self, Element};
 use super::tree;
 use super::warning::UrdfWarning;
 use crate::robot_model::RobotModel;
+use crate::xml::Source;
 
 /// Everything that is to be said about a robot description, in the order of its text.
 ///
@@ -40,7 +41,7 @@ impl RobotModel {
     /// [`UrdfProblem`] lists them.
     pub fn from_urdf(text: &str, file: &str) -> Result<Self, UrdfError> {
         let source = Source::new(text, file);
-        let document = source.parse()?;
+        let document = source::parse(&source)?;
         let mut problems = Problems::default();
         let loaded = load(Element::root(&document, &source), &mut problems);
         let first = problems.in_order().next();
@@ -85,7 +86,7 @@ impl RobotModel {
     #[must_use]
     pub fn check_urdf(text: &str, file: &str) -> UrdfReport {
         let source = Source::new(text, file);
-        let document = match source.parse() {
+        let document = match source::parse(&source) {
             Ok(document) => document,
             Err(error) => return UrdfReport { problems: vec![error], ..UrdfReport::default() },
         };

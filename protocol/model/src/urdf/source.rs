@@ -2,69 +2,24 @@
 
 use std::sync::Arc;
 
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::{Document, Node};
 
-use super::error::{Place, UrdfError, UrdfProblem};
+use super::error::{UrdfError, UrdfProblem};
 use super::findings::{Fault, Problems};
-use super::guard::{self, MAX_ATTRIBUTES};
+use crate::xml::{MAX_ATTRIBUTES, MAX_BYTES, Source, Unreadable};
 
-/// Largest robot description \[bytes\]; the largest known one has 0.2 MiB.
-const MAX_BYTES: usize = 16 * 1024 * 1024;
-/// Most XML nodes, so that memory stays bounded by the size of the text.
-const MAX_NODES: u32 = 1_000_000;
-
-/// A text with its label: where its bytes stand.
-pub(super) struct Source<'t> {
-    file: Arc<str>,
-    text: &'t str,
-    /// Byte at which each line starts.
-    line_starts: Vec<usize>,
-}
-
-impl<'t> Source<'t> {
-    pub(super) fn new(text: &'t str, file: &str) -> Self {
-        let after = text.match_indices('\n').map(|(at, _)| at + 1);
-        Self { file: file.into(), text, line_starts: std::iter::once(0).chain(after).collect() }
-    }
-
-    /// The text as a tree.
-    ///
-    /// Entities cannot expand: document type declarations are refused. The parser keeps its stack
-    /// on the heap, so nesting cannot overflow ours.
-    pub(super) fn parse(&self) -> Result<Document<'t>, UrdfError> {
-        let text = self.text;
-        let fail = |place, problem| UrdfError { place, problem: Box::new(problem) };
-        if text.len() > MAX_BYTES {
-            let problem = UrdfProblem::TooLarge { bytes: text.len(), limit: MAX_BYTES };
-            return Err(fail(self.place(0), problem));
-        }
-        if let Some(start) = guard::overfull_element(text) {
-            let problem = UrdfProblem::TooManyAttributes { limit: MAX_ATTRIBUTES };
-            return Err(fail(self.place(start), problem));
-        }
-        let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-        Document::parse_with_options(text, options).map_err(|error| {
-            let roxmltree::TextPos { row: line, col: column } = error.pos();
-            fail(Place { file: Arc::clone(&self.file), line, column }, UrdfProblem::Xml(error))
-        })
-    }
-
-    /// Line and column of a byte; takes time with the length of its line.
-    pub(super) fn place(&self, offset: usize) -> Place {
-        let line = self.line(offset);
-        let start = usize::try_from(line).ok().and_then(|line| self.line_starts.get(line - 1));
-        let before = self.text.get(start.copied().unwrap_or_default()..offset).unwrap_or_default();
-        Place { file: Arc::clone(&self.file), line, column: count(before.chars().count() + 1) }
-    }
-
-    /// Line of a byte, counted from one.
-    fn line(&self, offset: usize) -> u32 {
-        count(self.line_starts.partition_point(|&start| start <= offset).max(1))
-    }
-}
-
-fn count(counted: usize) -> u32 {
-    u32::try_from(counted).unwrap_or(u32::MAX)
+/// The text of `source` as a tree.
+pub(super) fn parse<'t>(source: &Source<'t>) -> Result<Document<'t>, UrdfError> {
+    source.parse().map_err(|(place, fault)| {
+        let problem = match fault {
+            Unreadable::TooLarge { bytes } => UrdfProblem::TooLarge { bytes, limit: MAX_BYTES },
+            Unreadable::TooManyAttributes => {
+                UrdfProblem::TooManyAttributes { limit: MAX_ATTRIBUTES }
+            }
+            Unreadable::Xml(error) => UrdfProblem::Xml(error),
+        };
+        UrdfError { place, problem: Box::new(problem) }
+    })
 }
 
 /// An element of the document, and the link or joint it belongs to.

@@ -3,8 +3,8 @@
 use anyhow::Context as _;
 use armada_model::{
     CompiledTrajectory, Grid, Interpolation, JerkLimit, JointLimits, JointPath, JointTrajectory,
-    JointType, MotionLimits, PositionSource, RetimeOptions, RobotModel, SplineEnds, TimedPath,
-    TrajectoryOptions, Variable, retime, retime_jerk_limited,
+    JointType, MotionLimits, RetimeOptions, RobotModel, SplineEnds, TimedPath, TrajectoryOptions,
+    Variable, retime, retime_jerk_limited,
 };
 use clap::Args;
 use serde::Serialize;
@@ -195,9 +195,6 @@ fn joints<'m>(
             RetimeInputError::UnknownJoint { name: name.clone(), names: known.join(", ") }
         })?);
     }
-    debug_assert!(
-        joints.iter().all(|joint| matches!(joint.motion.position, PositionSource::Variable(_)))
-    );
     Ok(joints)
 }
 
