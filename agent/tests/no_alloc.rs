@@ -76,16 +76,12 @@ fn params() -> Params {
         effort: None,
     };
     Params {
-        limits: vec![joint; JOINTS],
-        period: PERIOD,
-        communication_timeout: Duration::from_millis(100),
         start_tolerance: all(0.05),
         tracking_tolerance: all(0.05),
         tracking_lag: PERIOD,
-        standstill_velocity: all(0.01),
-        standstill_hold: Duration::from_millis(50),
         request_timeout: Duration::from_millis(200),
         enable_on_start: true,
+        ..Params::for_joints(vec![joint; JOINTS], PERIOD).expect("few joints")
     }
 }
 
@@ -128,15 +124,9 @@ impl Rig {
         let state = LoopState::new(&params).expect("sensible");
         let now = MonoTime::from_nanos(1);
         let feedback = Feedback {
-            stamp: now,
-            joint_position: all(0.0),
             joint_velocity: all(0.0),
-            joint_effort: JointVector::EMPTY,
-            enabled: false,
-            ready: false,
-            emergency_stop: false,
-            error_code: 0,
-            operational_mode: OperationalMode::Auto,
+            operational_mode: OperationalMode::Cobot,
+            ..Feedback::of(now, all(0.0))
         };
         Self { params, state, now, feedback: Some(feedback), stop: None, calls: 0, ticks: 0 }
     }
@@ -154,8 +144,9 @@ impl Rig {
             stop: self.stop,
             loop_error: false,
             requests: requests
-                .map(|(ticket, order)| LoopRequest { ticket, order })
+                .map(|(ticket, order)| LoopRequest::new(ticket, order))
                 .collect::<ArrayVec<_, 8>>(),
+            stream: ArrayVec::new(),
         };
         let before = CALLS.get();
         let output = black_box(step(&self.params, &mut self.state, black_box(&mut input)));
@@ -181,7 +172,8 @@ impl Rig {
             Some(DriverRequest::Enable) => (feedback.enabled, feedback.ready) = (true, true),
             Some(DriverRequest::Disable) => (feedback.enabled, feedback.ready) = (false, false),
             Some(DriverRequest::ResetErrors) => feedback.error_code = 0,
-            None => {}
+            // Not among the abilities of this controller.
+            Some(_) | None => {}
         }
     }
 
@@ -211,7 +203,7 @@ fn jog(id: u128, goal: f64) -> Order {
 
 fn follow(id: u128, trajectory: &Arc<CompiledTrajectory>, start: Option<MonoTime>) -> Order {
     let (id, trajectory) = (Uuid::from_u128(id), Arc::clone(trajectory));
-    Order::Follow(FollowOrder { id, trajectory, start, epoch: None })
+    Order::Follow(FollowOrder { start, ..FollowOrder::at_once(id, trajectory) })
 }
 
 fn set_mode(mode: CommandMode) -> Order {

@@ -26,6 +26,7 @@ fn goal(first: f64) -> JogFreespaceParams {
         motion_id: None,
         joint_position_rad: JointVector::from_slice(&position).expect("six joints"),
         max_velocity_rad_s: None,
+        wait: false,
     }
 }
 
@@ -52,7 +53,11 @@ fn turn(from: f64, to: f64, duration_s: f64) -> JointTrajectory {
 }
 
 fn follow(trajectory: JointTrajectory) -> ExecuteTrajectoryParams {
-    ExecuteTrajectoryParams { motion_id: None, trajectory }
+    ExecuteTrajectoryParams::at_once(None, trajectory)
+}
+
+fn prepare(trajectory: JointTrajectory) -> PrepareParams {
+    PrepareParams { motion_id: None, trajectory }
 }
 
 async fn set_mode(bench: &Bench, mode: CommandMode) -> ModeAnswer {
@@ -222,7 +227,7 @@ async fn a_prepared_motion_starts_at_its_instant_and_dies_with_its_epoch() {
     let (client, robot) = (&bench.client, &bench.robot);
     set_mode(&bench, CommandMode::Trajectory).await;
     let prepared =
-        client.call::<Prepare>(robot, follow(turn(0.0, 0.1, 0.5))).await.expect("prepared");
+        client.call::<Prepare>(robot, prepare(turn(0.0, 0.1, 0.5))).await.expect("prepared");
     let clock = client.robot_clock(robot).await.expect("clock");
     let start = clock.stamp_ns + Duration::from_millis(200);
     let commit =
@@ -238,7 +243,7 @@ async fn a_prepared_motion_starts_at_its_instant_and_dies_with_its_epoch() {
     assert!(late < Duration::from_millis(200), "{late:?} late");
 
     let prepared =
-        client.call::<Prepare>(robot, follow(turn(0.1, 0.0, 0.5))).await.expect("prepared");
+        client.call::<Prepare>(robot, prepare(turn(0.1, 0.0, 0.5))).await.expect("prepared");
     client.call::<Halt>(robot, Empty {}).await.expect("halt");
     let commit = CommitParams { motion_id: prepared.motion_id, ..commit };
     let refused = denial(client.call::<Commit>(robot, commit).await);
@@ -311,10 +316,7 @@ async fn a_second_agent_of_the_same_name_is_refused() {
 async fn of_two_motions_with_one_id_exactly_one_begins() {
     let bench = Bench::start().await;
     set_mode(&bench, CommandMode::Trajectory).await;
-    let params = || ExecuteTrajectoryParams {
-        motion_id: Some(Uuid::from_u128(7)),
-        trajectory: turn(0.0, 0.1, 0.5),
-    };
+    let params = || ExecuteTrajectoryParams::at_once(Some(Uuid::from_u128(7)), turn(0.0, 0.1, 0.5));
     let (client, robot) = (&bench.client, &bench.robot);
     let (one, other) = tokio::join!(
         client.call::<ExecuteTrajectory>(robot, params()),

@@ -3,11 +3,12 @@
 use std::fmt;
 
 use armada_model::{JointLimits, JointType, Motion};
-use armada_protocol::messages::JointInfo;
+use armada_protocol::messages::{JointInfo, ReducedLimits};
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
 
 use super::Problem;
+use crate::control::REDUCED_SHARE;
 
 /// One joint of a robot file.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,7 +108,11 @@ impl JointConfig {
             JointType::Continuous if bounded => JointType::Revolute,
             other => other,
         };
-        Ok(JointInfo { name: self.name.clone(), joint_type, limits })
+        let reduced = ReducedLimits {
+            velocity: REDUCED_SHARE * limits.velocity,
+            acceleration: limits.acceleration.unwrap_or_default(),
+        };
+        Ok(JointInfo { name: self.name.clone(), joint_type, limits, reduced, home: None })
     }
 
     fn at(&self, problem: Problem) -> Problem {

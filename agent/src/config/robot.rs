@@ -46,6 +46,9 @@ impl RobotConfig {
         let joints = self.joint_infos(model)?;
         let control = &self.control;
         let each = |rad: f64, m: f64| self.each_joint(&joints, rad, m);
+        let limits = joints.iter().map(|joint| joint.limits).collect();
+        let common = Params::for_joints(limits, control.period())
+            .map_err(|error| self.error(Problem::new("joints", error.to_string())))?;
         Ok(Params {
             start_tolerance: each(control.start_tolerance_rad, control.start_tolerance_m)?,
             tracking_tolerance: each(control.tracking_tolerance_rad, control.tracking_tolerance_m)?,
@@ -53,13 +56,14 @@ impl RobotConfig {
                 control.standstill_velocity_rad_s,
                 control.standstill_velocity_m_s,
             )?,
-            period: control.period(),
             communication_timeout: millis(control.communication_timeout_ms),
             tracking_lag: millis(control.tracking_lag_ms),
             standstill_hold: millis(control.standstill_hold_ms),
             request_timeout: millis(control.request_timeout_ms),
             enable_on_start: control.enable_on_start,
-            limits: joints.into_iter().map(|joint| joint.limits).collect(),
+            reduced: joints.iter().map(|joint| joint.reduced).collect(),
+            home: joints.iter().map(|joint| joint.home).collect(),
+            ..common
         })
     }
 

@@ -82,7 +82,7 @@ impl Controller {
     ) -> Result<(), Refusal> {
         let (room, deadline) = match request {
             DriverRequest::Disable => (MAX_PENDING, None),
-            DriverRequest::Enable | DriverRequest::ResetErrors => (MAX_PENDING - 1, Some(until)),
+            _ => (MAX_PENDING - 1, Some(until)),
         };
         if self.pending.len() >= room {
             return Err(Refusal::TooManyPending);
@@ -121,7 +121,7 @@ impl LoopState {
         match request {
             DriverRequest::ResetErrors => self.controller.reset_once = false,
             DriverRequest::Disable => self.start_disable_timers(tick),
-            DriverRequest::Enable => {}
+            _ => {}
         }
         Some(request)
     }
@@ -185,6 +185,7 @@ impl LoopState {
                 let off = self.condition.drives_are_off();
                 !off && (self.stop_wants_drives_off(tick) || (awaited && self.has_settled(tick)))
             }
+            _ => false,
         }
     }
 
@@ -197,6 +198,7 @@ impl LoopState {
             }
             DriverRequest::Disable if self.condition.drives_are_off() => Ok(()),
             DriverRequest::Disable => Err(Refusal::StillEnabled),
+            _ => Ok(()),
         }
     }
 
@@ -213,6 +215,6 @@ const fn index(request: DriverRequest) -> usize {
     match request {
         DriverRequest::Disable => 0,
         DriverRequest::ResetErrors => 1,
-        DriverRequest::Enable => 2,
+        _ => 2,
     }
 }

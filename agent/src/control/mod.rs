@@ -27,6 +27,7 @@
 //! * Every request is answered once; every motion has one terminal status.
 
 mod controller;
+mod equipment;
 mod io;
 mod limit;
 mod mode;
@@ -42,9 +43,13 @@ mod verify;
 #[cfg(test)]
 mod tests;
 
+pub use equipment::{Equipment, EquippedChain, MAX_CHAINS};
 pub use io::{
-    FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopFault, LoopRequest, MAX_EVENTS,
-    MAX_REQUESTS, MAX_RETIRED, MotionReport, Order, Output, Params, Refusal, Snapshot,
+    DelegateOrder, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder, Input,
+    JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities, LoopEvent,
+    LoopFault, LoopRequest, MAX_EVENTS, MAX_QUEUED, MAX_REQUESTS, MAX_RETIRED, MAX_SAMPLES,
+    MotionReport, Order, Output, Params, REDUCED_SHARE, Refusal, Retired, Snapshot, StreamChange,
+    StreamReport, StreamSample, StreamValues, TwistTarget,
 };
 pub use state::{LoopState, ParamsError};
 pub use step::step;

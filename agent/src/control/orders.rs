@@ -4,7 +4,7 @@ use armada_model::MotionState;
 use armada_protocol::messages::{CommandMode, FaultCode};
 use uuid::Uuid;
 
-use super::io::{FollowOrder, JogOrder, LoopRequest, Order, Refusal};
+use super::io::{FollowOrder, JogOrder, LoopRequest, Order, Refusal, Retired};
 use super::motion::{End, JogMotion, Motion, Source, StartPoint, TrajectoryMotion};
 use super::state::{LoopState, Tick};
 use crate::drivers::DriverRequest;
@@ -19,7 +19,7 @@ enum Verdict {
 impl LoopState {
     /// Does what is asked, or says why not.
     pub(super) fn take(&mut self, tick: &mut Tick<'_>, request: LoopRequest) {
-        let LoopRequest { ticket, order } = request;
+        let LoopRequest { ticket, lease: _, order } = request;
         let granted = |()| Verdict::Granted;
         let verdict = match order {
             Order::SetMode(mode) => self.set_mode(tick, mode).map(granted),
@@ -30,6 +30,21 @@ impl LoopState {
             Order::Jog(order) => self.jog(tick, &order).map(granted),
             Order::Follow(order) => self.follow(tick, order).map(granted),
             Order::Cancel(id) => self.cancel(tick, id).map(granted),
+            Order::AcquireLease { .. } | Order::RenewLease(_) | Order::ReleaseLease(_) => {
+                Err(Refusal::NotSupported("leases"))
+            }
+            Order::Home(_) => Err(Refusal::NotSupported("homing")),
+            Order::JogJoint(_) | Order::JogCartesian(_) => Err(Refusal::NotSupported("jogs")),
+            Order::Delegate(_) => Err(Refusal::NotSupported("delegated moves")),
+            Order::Pause(_) | Order::Resume(_) => Err(Refusal::NotSupported("pauses")),
+            Order::SetSpeedRatio(_) => Err(Refusal::NotSupported("speed ratios")),
+            Order::SetEquipment(order) => {
+                tick.retire(Retired::Equipment(order.equipment));
+                Err(Refusal::NotSupported("tools"))
+            }
+            Order::SetSignal { .. } | Order::SetParameter { .. } => {
+                Err(Refusal::NotSupported("signals and parameters"))
+            }
         };
         match verdict {
             Ok(Verdict::Granted) => tick.answer(ticket, Ok(self.granted())),
@@ -117,7 +132,7 @@ impl LoopState {
                 Ok(())
             }
             Err(refusal) => {
-                tick.retire(order.trajectory);
+                tick.retire(Retired::Trajectory(order.trajectory));
                 Err(refusal)
             }
         }

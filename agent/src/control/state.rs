@@ -3,14 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use armada_model::{
-    CompiledTrajectory, JointVector, MonoTime, MotionLimits, MotionLimitsError, StopRamp,
-};
+use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError, StopRamp};
 use armada_protocol::messages::{CommandMode, FaultCode};
 use arrayvec::ArrayVec;
 
 use super::controller::Controller;
-use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal};
+use super::equipment::Equipment;
+use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
 use super::motion::{End, Motion};
 use super::standstill::Standstill;
@@ -19,7 +18,7 @@ use super::tracking::Tracking;
 use super::verify::Condition;
 
 /// Most faults that can be latched: one of each kind.
-pub(super) const MAX_FAULTS: usize = 6;
+pub(super) const MAX_FAULTS: usize = 10;
 
 /// What the loop remembers from tick to tick.
 #[derive(Debug)]
@@ -42,6 +41,10 @@ pub struct LoopState {
     pub(super) hold: JointVector,
     pub(super) ramp: Option<StopRamp>,
     pub(super) motion: Option<Motion>,
+    /// Speed of all motions, 0.01 to 1.
+    pub(super) speed_ratio: f64,
+    /// The chains with their tools.
+    pub(super) equipment: Arc<Equipment>,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -89,10 +92,10 @@ impl Tick<'_> {
         self.event(LoopEvent::Answer { ticket, result });
     }
 
-    /// Gives a trajectory back, so that it is not freed in the loop.
-    pub(super) fn retire(&mut self, trajectory: Arc<CompiledTrajectory>) {
-        let pushed = self.output.retired.try_push(trajectory);
-        debug_assert!(pushed.is_ok(), "more trajectories in a tick than MAX_RETIRED");
+    /// Gives something on the heap back, so that it is not freed in the loop.
+    pub(super) fn retire(&mut self, retired: Retired) {
+        let pushed = self.output.retired.try_push(retired);
+        debug_assert!(pushed.is_ok(), "more is given back in a tick than MAX_RETIRED");
     }
 
     pub(super) const fn period_s(&self) -> f64 {
@@ -140,6 +143,8 @@ impl LoopState {
             hold: JointVector::EMPTY,
             ramp: None,
             motion: None,
+            speed_ratio: 1.0,
+            equipment: Arc::clone(&params.equipment),
         })
     }
 

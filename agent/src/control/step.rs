@@ -4,9 +4,9 @@ use armada_model::{JointVector, MonoTime};
 use armada_protocol::messages::{MotionKind, RobotFlags};
 use arrayvec::ArrayVec;
 
-use super::io::{Input, Output, Params, Snapshot};
+use super::io::{DroppedSamples, Input, Output, Params, Snapshot};
 use super::state::{LoopState, Tick};
-use crate::drivers::{Feedback, SetPoint};
+use crate::drivers::{Feedback, MAX_REPORTED_TIPS, SetPoint, Values};
 
 /// Runs one tick of the loop: takes the requests out of `input`, and tells what is to be sent.
 ///
@@ -71,6 +71,14 @@ impl LoopState {
             joint_velocity_command,
             motion: self.motion.as_ref().map(|motion| motion.progress(period_s)),
             limited_setpoints: self.limiter.changed(),
+            speed_ratio: self.speed_ratio,
+            lease: None,
+            stream: None,
+            dropped_samples: DroppedSamples::default(),
+            config_seqno: self.equipment.config_seqno,
+            signals: feedback.map_or(Values::EMPTY, |feedback| feedback.signals),
+            parameters: feedback.map_or(Values::EMPTY, |feedback| feedback.parameters),
+            tips: feedback.map_or([None; MAX_REPORTED_TIPS], |feedback| feedback.tips),
         }
     }
 

@@ -347,13 +347,7 @@ impl Shared {
 /// The snapshot before the first tick: what a step says that knows nothing.
 fn first_snapshot(params: &Params) -> Result<crate::control::Snapshot, AgentError> {
     let mut state = LoopState::new(params)?;
-    let mut input = Input {
-        now: monotonic(),
-        feedback: None,
-        stop: None,
-        loop_error: false,
-        requests: arrayvec::ArrayVec::new(),
-    };
+    let mut input = Input::at(monotonic());
     Ok(step(params, &mut state, &mut input).snapshot)
 }
 

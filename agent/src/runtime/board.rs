@@ -8,7 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use armada_model::MonoTime;
 use armada_protocol::messages::{
-    CommandMode, DenialCode, Fault, FaultCode, LatchedStop, LoopStatistics, RobotFlags,
+    ClearBy, CommandMode, DenialCode, Fault, FaultCode, LatchedStop, LoopStatistics, RobotFlags,
     RobotStatus, StopLatch, StopLevel, StopStage,
 };
 use uuid::Uuid;
@@ -133,6 +133,8 @@ impl Board {
             faults: self.all_faults(),
             lease: None,
             motion: self.motions.current().cloned(),
+            queued: Vec::new(),
+            stream: None,
             control_loop: self.statistics,
             dropped: self.dropped.iter().map(|(what, count)| (what.clone(), *count)).collect(),
             next: self.next_steps(),
@@ -146,6 +148,12 @@ impl Board {
             faults.push(Fault {
                 code: FaultCode::LoopError,
                 message: format!("{} steps of the control loop panicked", self.panics),
+                joint: None,
+                value: self.panics as f64,
+                limit: 0.0,
+                clear: ClearBy::ResetErrors,
+                remedy: "report the defect; restart the agent if it stays".to_owned(),
+                recording: None,
                 since_ns: self.snapshot.stamp,
             });
         }

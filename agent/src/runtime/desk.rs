@@ -129,6 +129,7 @@ impl Desk {
                 self.event(stamp, Severity::Info, EventKind::FaultsCleared, message, Map::new())
                     .await;
             }
+            LoopEvent::Lease(_) | LoopEvent::OperationalMode { .. } | LoopEvent::Stream(_) => {}
             LoopEvent::StopStage(stage) => self.take_stage(stamp, stage).await,
             LoopEvent::StopCleared => {
                 info!("stop reset");

@@ -104,6 +104,7 @@ impl LoopThread {
             stop: self.gate.level(),
             loop_error,
             requests: ArrayVec::new(),
+            stream: ArrayVec::new(),
         };
         while !input.requests.is_full()
             && let Ok(request) = self.mailbox.requests.pop()
@@ -137,10 +138,10 @@ impl LoopThread {
                 self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
             }
         }
-        for trajectory in output.retired {
-            if let Err(rtrb::PushError::Full(trajectory)) = self.mailbox.retired.push(trajectory) {
+        for retired in output.retired {
+            if let Err(rtrb::PushError::Full(retired)) = self.mailbox.retired.push(retired) {
                 // Freeing it would take the allocator's lock in the loop; losing it is cheaper.
-                mem::forget(trajectory);
+                mem::forget(retired);
             }
         }
         let limited = output.snapshot.limited_setpoints;
@@ -177,13 +178,15 @@ fn whole_periods(time: Duration, period: Duration) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use armada_model::{JointLimits, JointVector};
+    use armada_model::JointLimits;
     use armada_protocol::messages::FaultCode;
 
     use super::super::mailbox::mailbox;
     use super::*;
     use crate::control::LoopEvent;
-    use crate::drivers::{DriverRequest, Endpoint, Feedback, LinkCounters, SetPoint, Transmit};
+    use crate::drivers::{
+        Abilities, DriverRequest, Endpoint, Feedback, LinkCounters, SetPoint, Transmit,
+    };
 
     const PERIOD: Duration = Duration::from_millis(1);
 
@@ -199,6 +202,10 @@ mod tests {
 
         fn pacing(&self) -> Pacing {
             Pacing::Every(PERIOD)
+        }
+
+        fn abilities(&self) -> Abilities {
+            Abilities::default()
         }
 
         fn receive(&mut self, _: MonoTime, _: usize, _: &[u8]) {}
@@ -223,7 +230,6 @@ mod tests {
     }
 
     fn params() -> Params {
-        let one = JointVector::from_slice(&[0.1]).expect("one joint");
         let limits = JointLimits {
             lower: Some(-1.0),
             upper: Some(1.0),
@@ -232,31 +238,14 @@ mod tests {
             jerk: None,
             effort: None,
         };
-        Params {
-            limits: vec![limits],
-            period: PERIOD,
-            communication_timeout: Duration::from_millis(100),
-            start_tolerance: one,
-            tracking_tolerance: one,
-            tracking_lag: Duration::from_millis(10),
-            standstill_velocity: one,
-            standstill_hold: Duration::from_millis(50),
-            request_timeout: Duration::from_millis(500),
-            enable_on_start: false,
-        }
+        Params::for_joints(vec![limits], PERIOD).expect("one joint")
     }
 
     #[test]
     fn a_panic_in_a_tick_is_a_latched_fault_and_the_loop_goes_on() {
         let params = params();
         let mut state = LoopState::new(&params).expect("valid parameters");
-        let mut input = Input {
-            now: monotonic(),
-            feedback: None,
-            stop: None,
-            loop_error: false,
-            requests: ArrayVec::new(),
-        };
+        let mut input = Input::at(monotonic());
         let first = step(&params, &mut state, &mut input).snapshot;
         let (loop_end, mut publisher, _requests) = mailbox(first);
         let (meter, shutdown) = (Arc::<Meter>::default(), Arc::<AtomicBool>::default());

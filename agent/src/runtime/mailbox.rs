@@ -1,17 +1,15 @@
 //! What lies between the loop thread and the rest: wait-free queues and the latest snapshot.
 
-use std::sync::Arc;
-
-use armada_model::{CompiledTrajectory, MonoTime};
+use armada_model::MonoTime;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::control::{LoopEvent, LoopRequest, Snapshot};
+use crate::control::{LoopEvent, LoopRequest, Retired, Snapshot};
 
 /// Requests on their way to the loop; more are refused as busy.
 const REQUESTS: usize = 256;
 /// Events on their way from the loop: some seconds of the busiest loop.
 const EVENTS: usize = 4096;
-/// Trajectories on their way to be freed.
+/// Trajectories and tools on their way to be freed.
 const RETIRED: usize = 256;
 
 /// An event with the time the loop said it, after its set-point had gone out.
@@ -28,14 +26,14 @@ pub(super) struct Latest {
 pub(super) struct LoopEnd {
     pub(super) requests: Consumer<LoopRequest>,
     pub(super) events: Producer<StampedEvent>,
-    pub(super) retired: Producer<Arc<CompiledTrajectory>>,
+    pub(super) retired: Producer<Retired>,
     pub(super) latest: triple_buffer::Input<Latest>,
 }
 
 /// The publisher's end.
 pub(super) struct PublisherEnd {
     pub(super) events: Consumer<StampedEvent>,
-    pub(super) retired: Consumer<Arc<CompiledTrajectory>>,
+    pub(super) retired: Consumer<Retired>,
     pub(super) latest: triple_buffer::Output<Latest>,
 }
 

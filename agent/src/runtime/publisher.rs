@@ -102,7 +102,8 @@ impl Publisher {
             joint_velocity_command_rad_s: snapshot.joint_velocity_command,
             tcp: self.tips(snapshot),
             motion: snapshot.motion,
-            config_seqno: 1,
+            speed_ratio: snapshot.speed_ratio,
+            config_seqno: snapshot.config_seqno,
         }
     }
 
@@ -121,7 +122,13 @@ impl Publisher {
         let tip = |chain: &Chain| {
             let (base, tip) = (pose_of(chain.base)?, pose_of(chain.tip)?);
             let pose = Pose::from_isometry(base.inv_mul(&tip));
-            Some(TcpState { chain: chain.name.clone(), pose })
+            Some(TcpState {
+                chain: chain.name.clone(),
+                pose,
+                twist: None,
+                flange_pose: pose,
+                flange_twist: None,
+            })
         };
         self.chains.iter().filter_map(tip).collect()
     }

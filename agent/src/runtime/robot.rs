@@ -86,6 +86,10 @@ impl Robot {
             model_rev: 1,
             joints: self.joints.clone(),
             chains: self.chains.clone(),
+            equipment: Vec::new(),
+            tools: Vec::new(),
+            signals: Vec::new(),
+            parameters: Vec::new(),
             capabilities: vec![
                 Capability::JogCommand,
                 Capability::TrajectoryCommand,
@@ -97,6 +101,7 @@ impl Robot {
             flags: RobotFlags::NAMES.map(|(name, bit)| (name.to_owned(), bit.bits())).to_vec(),
             period_ms: self.config.control.period_ms,
             state_rate_hz: self.config.publish.state_rate_hz,
+            state_classes_hz: Vec::new(),
             urdf: self.urdf.clone(),
         }
     }

@@ -3,7 +3,7 @@
 use armada_model::TrajectoryError;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, StopLevel,
+    ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, StopLevel,
 };
 use serde_json::Value;
 
@@ -123,6 +123,61 @@ impl Vocabulary {
                 DenialCode::Busy,
                 format!("too many requests wait for the controller of {}", self.robot),
             ),
+            Refusal::NotSupported(what) => Denial::new(
+                DenialCode::NotSupported,
+                format!("{} does not have {what}", self.robot),
+            ),
+            Refusal::LeaseRequired { remaining_s } => Denial::new(
+                DenialCode::LeaseRequired,
+                format!("{} is driven by somebody else for another {remaining_s:.1} s", self.robot),
+            )
+            .with("remaining_s", remaining_s),
+            Refusal::LeaseStale => Denial::new(
+                DenialCode::LeaseStale,
+                format!("the lease of {} is not in force any more: acquire it anew", self.robot),
+            ),
+            Refusal::LeaseLost => {
+                Denial::new(DenialCode::LeaseStale, format!("{}: the lease ran out", self.robot))
+            }
+            Refusal::OperationalMode(mode) => Denial::new(
+                DenialCode::WrongMode,
+                format!("the key switch of {} stands at {mode:?}, which forbids this", self.robot),
+            )
+            .with("operational_mode", wire_name(serde_json::to_value(mode))),
+            Refusal::OperationalModeChanged => self.ended("the key switch was turned"),
+            Refusal::QueueFull { limit } => Denial::new(
+                DenialCode::Busy,
+                format!("{limit} motions wait for {} already", self.robot),
+            )
+            .with("limit", limit),
+            Refusal::QueueBroken => self.ended("the motion before it ended early"),
+            Refusal::NotPausable => Denial::new(
+                DenialCode::NotSupported,
+                format!("the motion of {} cannot be paused", self.robot),
+            ),
+            Refusal::NoHome { joint } => Denial::new(
+                DenialCode::NotSupported,
+                format!("the robot file of {} gives {} no home", self.robot, self.joint(joint)),
+            )
+            .with("joint", self.joint(joint)),
+            Refusal::NotHomed { joint } => Denial::new(
+                DenialCode::NotReady,
+                format!("{} of {} is not homed", self.joint(joint), self.robot),
+            )
+            .with("joint", self.joint(joint)),
+            Refusal::NoSuchChain { chain } => Denial::new(
+                DenialCode::InvalidArgument,
+                format!("{} has no chain number {chain}", self.robot),
+            ),
+            Refusal::ControllerRefused { code } => Denial::new(
+                DenialCode::DriverError,
+                format!("the controller of {} gave up with error {code}", self.robot),
+            )
+            .with("code", code),
+            Refusal::ControllerTimeout => Denial::new(
+                DenialCode::Timeout,
+                format!("the controller of {} did not do it in time", self.robot),
+            ),
         }
     }
 
@@ -197,8 +252,28 @@ impl Vocabulary {
                 unit = self.unit(joint),
             ),
             FaultCode::LoopError => "the control loop failed in a step".to_owned(),
+            FaultCode::FatalError => "the controller reports a fatal error".to_owned(),
+            FaultCode::GuardStop => "a safeguard of the controller is open".to_owned(),
+            FaultCode::VelocityError => format!(
+                "{} is {:.4} {unit}/s from its set-point, limit {} {unit}/s",
+                self.joint(joint),
+                fault.value,
+                fault.limit,
+                unit = self.unit(joint),
+            ),
+            FaultCode::HomingFailed => "the controller failed to home".to_owned(),
         };
-        Fault { code: fault.code, message, since_ns: fault.stamp }
+        Fault {
+            code: fault.code,
+            message,
+            joint: fault.joint.map(|joint| self.joint(joint).to_owned()),
+            value: fault.value,
+            limit: fault.limit,
+            clear: ClearBy::ResetErrors,
+            remedy: "put the cause right, then reset errors".to_owned(),
+            recording: None,
+            since_ns: fault.stamp,
+        }
     }
 }
 

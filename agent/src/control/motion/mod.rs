@@ -19,10 +19,10 @@ pub(super) use jog::JogMotion;
 pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
 use armada_model::{JointVector, MonoTime, MotionState};
-use armada_protocol::messages::{ActionStatus, FaultCode, MotionKind, MotionProgress};
+use armada_protocol::messages::{ActionStatus, Executor, FaultCode, MotionKind, MotionProgress};
 use uuid::Uuid;
 
-use super::io::{LoopEvent, MotionReport, Refusal};
+use super::io::{LoopEvent, MotionReport, Refusal, Retired};
 use super::state::{LoopState, Tick};
 use super::verify::fault;
 use crate::drivers::SetPoint;
@@ -109,7 +109,15 @@ impl Motion {
                 (trajectory.elapsed_s(period_s), trajectory.duration_s(), trajectory.waypoint())
             }
         };
-        MotionProgress { id: self.id, elapsed_s, duration_s, waypoint }
+        MotionProgress {
+            id: self.id,
+            elapsed_s,
+            duration_s,
+            waypoint,
+            rate: 1.0,
+            paused: false,
+            queued: 0,
+        }
     }
 
     fn next(&mut self, tick: &Tick<'_>) -> Next {
@@ -138,7 +146,9 @@ impl Motion {
 
     fn report(&self, status: ActionStatus, reason: Option<Refusal>, period_s: f64) -> MotionReport {
         let (kind, progress) = (self.kind(), self.progress(period_s));
-        MotionReport { id: self.id, kind, status, reason, started: self.started, progress }
+        let executor = Executor::Agent;
+        let started = self.started;
+        MotionReport { id: self.id, kind, executor, status, reason, started, progress }
     }
 }
 
@@ -166,7 +176,7 @@ impl LoopState {
         let report = motion.report(status, reason, tick.period_s());
         tick.event(LoopEvent::Motion(report));
         if let Source::Trajectory(trajectory) = motion.source {
-            tick.retire(trajectory.into_trajectory());
+            tick.retire(Retired::Trajectory(trajectory.into_trajectory()));
         }
     }
 

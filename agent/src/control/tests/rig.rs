@@ -16,7 +16,7 @@ use uuid::Uuid;
 
 use crate::control::{
     FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
-    MotionReport, Order, Output, Params, Refusal, step,
+    MotionReport, Order, Output, Params, Refusal, Retired, step,
 };
 use crate::drivers::{DriverRequest, Feedback, SetPoint};
 
@@ -36,13 +36,12 @@ pub(super) fn params() -> Params {
         jerk: None,
         effort: None,
     };
+    let limits = vec![
+        joint(Some(-2.0), Some(2.0), 1.5, 4.0),
+        joint(Some(-1.0), Some(3.0), 1.0, 6.0),
+        joint(None, None, 2.0, 5.0),
+    ];
     Params {
-        limits: vec![
-            joint(Some(-2.0), Some(2.0), 1.5, 4.0),
-            joint(Some(-1.0), Some(3.0), 1.0, 6.0),
-            joint(None, None, 2.0, 5.0),
-        ],
-        period: PERIOD,
         communication_timeout: Duration::from_millis(40),
         start_tolerance: joints([0.05; JOINTS]),
         tracking_tolerance: joints([0.02; JOINTS]),
@@ -51,7 +50,7 @@ pub(super) fn params() -> Params {
         standstill_velocity: joints([0.01; JOINTS]),
         standstill_hold: Duration::from_millis(100),
         request_timeout: Duration::from_millis(200),
-        enable_on_start: false,
+        ..Params::for_joints(limits, PERIOD).expect("three joints")
     }
 }
 
@@ -139,19 +138,17 @@ impl Plant {
     fn feedback(&mut self, now: MonoTime) -> Option<Feedback> {
         if !self.silent {
             self.last = Some(Feedback {
-                stamp: now,
-                joint_position: self.position,
                 joint_velocity: if self.reports_velocity {
                     self.velocity
                 } else {
                     JointVector::EMPTY
                 },
-                joint_effort: JointVector::EMPTY,
                 enabled: self.enabled,
                 ready: self.ready,
                 emergency_stop: self.emergency_stop,
                 error_code: self.error_code,
-                operational_mode: OperationalMode::Auto,
+                operational_mode: OperationalMode::Cobot,
+                ..Feedback::of(now, self.position)
             });
         }
         self.last
@@ -175,6 +172,8 @@ impl Plant {
                 DriverRequest::Disable => (self.enabled, self.ready) = (false, false),
                 DriverRequest::ResetErrors if self.emergency_stop => {}
                 DriverRequest::ResetErrors => (self.error_code, self.ready) = (0, self.enabled),
+                // Not among the abilities of this controller.
+                _ => {}
             }
         }
         self.go(command);
@@ -282,7 +281,7 @@ impl Rig {
     pub(super) fn order(&mut self, order: Order) -> u64 {
         self.tickets += 1;
         self.watch.open.insert(self.tickets);
-        self.requests.push(LoopRequest { ticket: self.tickets, order });
+        self.requests.push(LoopRequest::new(self.tickets, order));
         self.tickets
     }
 
@@ -354,13 +353,17 @@ impl Rig {
             stop: self.stop,
             loop_error: self.loop_error,
             requests: self.requests.drain(..count).collect::<ArrayVec<_, MAX_REQUESTS>>(),
+            stream: ArrayVec::new(),
         };
         let output = step(&self.params, &mut self.state, &mut input);
         assert!(input.requests.is_empty(), "requests were left in the input");
         self.watch.check(&self.params, self.stop, input.feedback.as_ref(), &output);
         self.plant.take(output.command.as_ref(), output.driver_request);
         self.events.extend(output.events.iter().copied());
-        self.retired.extend(output.retired.iter().cloned());
+        self.retired.extend(output.retired.iter().filter_map(|retired| match retired {
+            Retired::Trajectory(trajectory) => Some(Arc::clone(trajectory)),
+            Retired::Equipment(_) => None,
+        }));
         self.commands.extend(output.command);
         self.last = Some(output.clone());
         output
@@ -461,7 +464,7 @@ pub(super) fn follow_with(
     epoch: Option<u64>,
 ) -> Order {
     let (id, trajectory) = (Uuid::from_u128(id), Arc::clone(trajectory));
-    Order::Follow(FollowOrder { id, trajectory, start, epoch })
+    Order::Follow(FollowOrder { start, epoch, ..FollowOrder::at_once(id, trajectory) })
 }
 
 impl Watch {

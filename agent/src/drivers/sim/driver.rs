@@ -7,7 +7,7 @@ use armada_model::MonoTime;
 use super::Config;
 use super::wire::{Body, Header, Power, RequestBody, Status, decode, encode};
 use crate::drivers::{
-    Driver, DriverRequest, DriverSetup, Endpoint, Feedback, LinkCounters, Pacing, SetPoint,
+    Abilities, Driver, DriverRequest, DriverSetup, Endpoint, Feedback, LinkCounters, Pacing, SetPoint,
     SetupError, Transmit,
 };
 
@@ -140,6 +140,10 @@ impl Driver for SimDriver {
         self.pacing
     }
 
+    fn abilities(&self) -> Abilities {
+        Abilities::default()
+    }
+
     fn receive(&mut self, now: MonoTime, _endpoint: usize, bytes: &[u8]) {
         match decode(bytes) {
             Ok((header, Body::Status(status))) => self.take_status(now, &header, &status),
@@ -172,6 +176,8 @@ impl Driver for SimDriver {
                 self.request.reset_id = self.request.reset_id.saturating_add(1);
                 self.reset_pending = true;
             }
+            // Not among its abilities.
+            _ => return,
         }
         self.request_sent = None;
     }
@@ -208,8 +214,6 @@ fn due(last: Option<MonoTime>, now: MonoTime, interval: Duration) -> bool {
 
 fn feedback(now: MonoTime, status: &Status) -> Feedback {
     Feedback {
-        stamp: now,
-        joint_position: status.position,
         joint_velocity: status.velocity,
         joint_effort: status.effort,
         enabled: status.enabled,
@@ -217,5 +221,6 @@ fn feedback(now: MonoTime, status: &Status) -> Feedback {
         emergency_stop: status.emergency_stop,
         error_code: status.error,
         operational_mode: status.operational_mode,
+        ..Feedback::of(now, status.position)
     }
 }

@@ -10,7 +10,7 @@ use std::num::NonZeroU64;
 use std::time::Duration;
 
 use armada_model::{JointLimits, JointType, JointVector, MonoTime};
-use armada_protocol::messages::JointInfo;
+use armada_protocol::messages::{JointInfo, ReducedLimits};
 
 use super::noise::Noise;
 use super::{Config, EmulatorConfig, Fault, SimDriver, SimEmulator, decode_inject_answer};
@@ -34,7 +34,13 @@ fn setup(nonce: u64) -> DriverSetup {
         effort: Some(100.0),
     };
     let joint =
-        |name: &str, joint_type, limits| JointInfo { name: name.into(), joint_type, limits };
+        |name: &str, joint_type, limits| JointInfo {
+            name: name.into(),
+            joint_type,
+            limits,
+            reduced: ReducedLimits::default(),
+            home: None,
+        };
     DriverSetup {
         joints: vec![
             joint("turn", JointType::Revolute, limits(3.0, 1.0)),
