@@ -11,7 +11,7 @@ use armada_agent::runtime::{Wake, WakeLog, enter, monotonic, sleep_until};
 use armada_model::MonoTime;
 use serde::{Deserialize, Serialize};
 
-/// How regularly a loop woke.
+/// How regularly loops woke.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Regularity {
     /// `|wake_k - wake_(k-1) - period|` of each pair of wake-ups in a row \[µs\].
@@ -21,6 +21,17 @@ pub(super) struct Regularity {
 }
 
 impl Regularity {
+    /// Of loops of one period, each with its wake-ups in their order.
+    pub(super) fn of_all(loops: &[Vec<Wake>], period: Duration) -> Self {
+        let mut all = Self::default();
+        for wakes in loops {
+            let one = Self::of(wakes, period);
+            all.errors_us.extend(one.errors_us);
+            all.missed += one.missed;
+        }
+        all
+    }
+
     /// Of wake-ups in their order.
     pub(super) fn of(wakes: &[Wake], period: Duration) -> Self {
         let mut regularity = Self::default();
