@@ -37,11 +37,13 @@ pub(super) enum Part {
         /// Zenoh endpoint to listen on.
         endpoint: String,
     },
-    /// A loop that does nothing.
-    BareLoop {
-        /// Its period.
+    /// Loops that do nothing.
+    BareLoops {
+        /// How many.
+        loops: u32,
+        /// Their period.
         period: Duration,
-        /// Its priority under SCHED_FIFO.
+        /// Their priority under SCHED_FIFO.
         priority: Option<u8>,
     },
     /// A loop that puts a payload as often as an agent puts its state.
@@ -103,11 +105,16 @@ pub(super) async fn run(part: Part) -> anyhow::Result<()> {
             serve(Ready::default(), None).await
         }
         Part::Agent { robots, endpoint } => serve_agent(robots, endpoint).await,
-        Part::BareLoop { period, priority } => {
-            let (log, reader) = wake_log(LOG);
-            let bare = BareLoop::noting(period, priority, log)?;
-            let ready = Ready { scheduling: bare.scheduling.clone() };
-            serve(ready, Some((vec![reader], period))).await
+        Part::BareLoops { loops, period, priority } => {
+            let (mut bare, mut readers, mut ready) = (Vec::new(), Vec::new(), Ready::default());
+            for _ in 0..loops {
+                let (log, reader) = wake_log(LOG);
+                let one = BareLoop::noting(period, priority, log)?;
+                ready.scheduling.clone_from(&one.scheduling);
+                bare.push(one);
+                readers.push(reader);
+            }
+            serve(ready, Some((readers, period))).await
         }
         Part::RawState { period, priority, endpoint, bytes } => {
             let bare = raw::publish(&endpoint, period, priority, bytes).await?;
@@ -200,7 +207,7 @@ async fn collect(readers: &mut [WakeReader], period: Duration, time: Duration) -
             wakes.extend(std::iter::from_fn(|| reader.pop()));
         }
         if ended {
-            return Regularity::of_all(&wakes, period);
+            return Regularity::of_all(&wakes, period, time);
         }
     }
 }
