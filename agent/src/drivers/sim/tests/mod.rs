@@ -46,6 +46,7 @@ fn setup(nonce: u64) -> DriverSetup {
             joint("turn", JointType::Revolute, limits(3.0, 1.0)),
             joint("slide", JointType::Prismatic, limits(0.5, 0.1)),
         ],
+        chains: Vec::new(),
         period: PERIOD,
         boot_nonce: NonZeroU64::new(nonce).expect("nonce is not zero"),
     }
