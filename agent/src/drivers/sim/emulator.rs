@@ -174,6 +174,8 @@ impl SimEmulator {
             }
             Some(_) | None => {
                 self.client = Some(Client::new(sender, peer, now));
+                // Nobody is left who asked for what it does on its own.
+                self.controller.client_is_silent();
                 self.controller.forget_report();
             }
         }

@@ -16,6 +16,7 @@ mod controller;
 mod driver;
 mod dynamics;
 mod emulator;
+pub mod error_code;
 mod fault;
 mod homing;
 mod noise;
@@ -28,7 +29,6 @@ mod tests;
 pub mod wire;
 
 pub use config::{Config, EmulatorConfig, GuardStop, ReportsTip};
-pub use controller::error_code;
 pub use driver::SimDriver;
 pub use emulator::SimEmulator;
 pub use fault::{Fault, FaultParseError};

@@ -17,7 +17,7 @@ use armada_model::{
 use armada_protocol::messages::{JointInfo, ReducedLimits};
 
 use super::EmulatorConfig;
-use super::controller::error_code;
+use super::error_code;
 use crate::drivers::{DelegatedGoal, DelegatedMove, DriverSetup};
 
 /// Goals nearer than this are the same \[rad or m\].

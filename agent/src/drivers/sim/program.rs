@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 
 use armada_model::{CompiledTrajectory, JointVector, MotionLimits, OnPath};
 
-use super::controller::error_code;
+use super::error_code;
 use super::planner::Planner;
 use crate::drivers::{DelegatedMove, DelegatedReport, DelegatedStatus};
 

@@ -13,6 +13,8 @@
 //! are dropped. An error switches the drives off, but for the watchdog's: there the drives
 //! decelerate at their limit and hold.
 
+mod own;
+
 use std::time::Duration;
 
 use armada_model::{JointLimits, JointVector, MonoTime, MotionLimits};
@@ -21,49 +23,17 @@ use armada_protocol::messages::{OperationalMode, RobotFlags};
 use super::axis::{Axis, check_initial_names};
 use super::board::Board;
 use super::dynamics::Drive;
-use super::homing::{Homing, HomingFailed};
+use super::homing::Homing;
 use super::noise::Noise;
 use super::planner::Planner;
 use super::program::Program;
 use super::safety::{Safety, StopSource};
-use super::{EmulatorConfig, GuardStop, ReportsTip};
+use super::{EmulatorConfig, GuardStop, ReportsTip, error_code};
 use crate::config::millis;
 use crate::drivers::{
-    DelegatedMove, DelegatedReport, DriverRequest, DriverSetup, JointSet, LoadSetting,
+    DelegatedReport, DriverSetup, JointSet, LoadSetting,
     MAX_REPORTED_TIPS, ReportedTip, SetPoint, SetupError, TipFrame,
 };
-
-/// Errors the emulated controller makes itself; injected ones may have any number.
-pub mod error_code {
-    /// Commands went silent in motion.
-    pub const WATCHDOG: u32 = 101;
-    /// A joint went, or was commanded, past its position limit.
-    pub const JOINT_LIMIT: u32 = 102;
-    /// A joint was too far from its reference.
-    pub const FOLLOWING_ERROR: u32 = 103;
-    /// A joint did not find its reference.
-    pub const HOMING: u32 = 104;
-    /// A move of its own goes where the arm cannot reach, or not on this way.
-    pub const UNREACHABLE: u32 = 201;
-    /// A move of its own leaves the limits of a joint.
-    pub const OUT_OF_LIMITS: u32 = 202;
-    /// A move of its own came while drives were off or a stop or error was in force.
-    pub const NOT_READY: u32 = 203;
-    /// A move of its own came while something else moved the robot.
-    pub const NOT_AT_REST: u32 = 204;
-    /// There is no chain of this number, or it has joints that the robot does not drive.
-    pub const NO_CHAIN: u32 = 205;
-    /// A move of its own came before all joints were homed.
-    pub const NOT_HOMED: u32 = 206;
-    /// No motion was found for a move of its own.
-    pub const NO_MOTION: u32 = 207;
-    /// A move of its own was cut off: drives went off, or a guard was opened.
-    pub const INTERRUPTED: u32 = 208;
-    /// More moves of its own than it keeps.
-    pub const TOO_MANY_MOVES: u32 = 209;
-    /// It makes no moves of its own.
-    pub const NOT_OFFERED: u32 = 210;
-}
 
 /// Longest step of the integration; a controller cycle is cut into equal parts of at most this.
 const MAX_STEP: Duration = Duration::from_millis(1);
@@ -253,41 +223,6 @@ impl Controller {
         self.board.set_input(name, element, value)
     }
 
-    /// Does what the client orders, as far as it can.
-    pub(super) fn take_order(&mut self, order: &DriverRequest) {
-        match order {
-            // They have places of their own in the packet.
-            DriverRequest::Enable | DriverRequest::Disable | DriverRequest::ResetErrors => {}
-            DriverRequest::Home(joints) => self.begin_homing(*joints),
-            DriverRequest::Move(wanted) => self.take_move(wanted),
-            DriverRequest::StopMotion => self.stop_own_motion(),
-            DriverRequest::PauseMotion => self.program.set_paused(true),
-            DriverRequest::ResumeMotion => self.program.set_paused(false),
-            DriverRequest::SetSpeedRatio(ratio) => self.program.set_ratio(*ratio),
-            DriverRequest::SetSignal { signal, values } => {
-                let moving = self.is_moving();
-                self.board.set_signal(*signal, values, moving);
-            }
-            DriverRequest::SetParameter { parameter, value } => {
-                let moving = self.is_moving();
-                self.board.set_parameter(*parameter, *value, moving);
-            }
-            DriverRequest::SetLoad { chain, load } => {
-                if let Some(slot) = self.loads.get_mut(usize::from(*chain)) {
-                    *slot = *load;
-                }
-            }
-            DriverRequest::SetTool { chain, tool } => {
-                self.planner.set_tool(*chain, tool);
-            }
-        }
-    }
-
-    /// The client has gone silent: what the controller does on its own comes to rest.
-    pub(super) fn client_is_silent(&mut self) {
-        self.stop_own_motion();
-    }
-
     /// Another client: it knows nothing of moves that were made for the one before.
     pub(super) const fn forget_report(&mut self) {
         self.program.forget_report();
@@ -338,7 +273,7 @@ impl Controller {
         if self.power != Power::Off && !self.safety.is_enabled_by_hand() {
             self.power_off();
         }
-        self.begin_moves(now);
+        self.begin_moves();
         let steps = cycle.as_nanos().div_ceil(MAX_STEP.as_nanos()).clamp(1, 1000) as u32;
         let step = cycle / steps;
         let begin = now - cycle;
@@ -465,93 +400,6 @@ impl Controller {
         let outside = |axis: &Axis| axis.passes_limit(axis.joint.position, axis.joint.velocity);
         if self.power == Power::On && self.axes.iter().any(outside) {
             self.fail(error_code::JOINT_LIMIT);
-        }
-    }
-
-    fn begin_homing(&mut self, joints: JointSet) {
-        if !self.ready() || self.program.is_running() {
-            return;
-        }
-        let Some(start) = self.rest_position() else { return };
-        if self.homing.begin(joints, &start) {
-            self.hold = start;
-            self.motion = Motion::Own;
-        }
-    }
-
-    fn take_move(&mut self, wanted: &DelegatedMove) {
-        let homing = !self.homing.homing().is_empty();
-        let refusal = if !self.own_moves {
-            Some(error_code::NOT_OFFERED)
-        } else if !self.ready() {
-            Some(error_code::NOT_READY)
-        } else if homing || self.motion == Motion::Stop {
-            Some(error_code::NOT_AT_REST)
-        } else if !self.homing.is_all_homed() {
-            Some(error_code::NOT_HOMED)
-        } else {
-            None
-        };
-        match refusal {
-            Some(code) => self.program.refuse(wanted, code),
-            None => self.program.take(*wanted),
-        }
-    }
-
-    /// Begins the moves that are complete.
-    fn begin_moves(&mut self, _now: MonoTime) {
-        if !self.program.is_ready() || self.motion == Motion::Own {
-            return;
-        }
-        let Some(start) = self.rest_position().filter(|_| self.ready()) else {
-            self.program.fail(error_code::NOT_AT_REST);
-            return;
-        };
-        let slow = self.safety.mode() == OperationalMode::ManualReducedSpeed;
-        self.hold = start;
-        let begun = self.program.begin(&self.planner, &start, slow);
-        self.motion = if begun { Motion::Own } else { Motion::Hold };
-    }
-
-    fn follow_own(&mut self, dt: f64) {
-        let reference = match self.homing.advance(dt) {
-            Err(HomingFailed) => return self.fail(error_code::HOMING),
-            Ok(reference) => reference.or_else(|| self.program.advance(dt)),
-        };
-        let Some(reference) = reference else {
-            self.hold_here();
-            return;
-        };
-        self.follow(reference, dt);
-        let near = |(axis, &goal): (&Axis, &f64)| (goal - axis.joint.position).abs() <= SETTLED;
-        let settled = self.axes.iter().zip(reference.iter()).all(near);
-        if self.homing.end_if_over(settled) || self.program.end_if_over(settled) {
-            self.hold = reference;
-            self.motion = if self.power == Power::On { Motion::Hold } else { self.motion };
-        }
-    }
-
-    /// Ends homing and moves of its own as failed.
-    fn end_own_motion(&mut self, code: u32) {
-        self.homing.abandon();
-        self.program.fail(code);
-    }
-
-    /// Brings homing and moves of its own to rest, as asked for.
-    fn stop_own_motion(&mut self) {
-        let homing = !self.homing.homing().is_empty();
-        self.homing.abandon();
-        self.program.stop();
-        if homing && self.motion == Motion::Own {
-            self.motion = Motion::Stop;
-        }
-    }
-
-    /// Decelerates at the limits of the drives, whatever moves the joints, and then holds.
-    fn stop_controlled(&mut self, code: u32) {
-        self.end_own_motion(code);
-        if self.power == Power::On {
-            self.motion = Motion::Stop;
         }
     }
 
