@@ -159,16 +159,24 @@ impl SimDriver {
         None
     }
 
-    /// The newest requests, with the next order if there is one.
+    /// What the status does not show yet, and nothing else: a run of the controller that has just
+    /// begun must not be told what an earlier one has done.
     fn next_request(&mut self) -> RequestBody {
-        let Some(&order) = self.orders.first() else {
-            return RequestBody { order_id: 0, order: None, ..self.request };
-        };
-        if !self.order_sent {
-            self.order_sent = true;
-            self.request.order_id = self.request.order_id.saturating_add(1);
+        let mut body = RequestBody::default();
+        if self.power_pending {
+            (body.power_id, body.power) = (self.request.power_id, self.request.power);
         }
-        RequestBody { order: Some(order), ..self.request }
+        if self.reset_pending {
+            body.reset_id = self.request.reset_id;
+        }
+        if let Some(&order) = self.orders.first() {
+            if !self.order_sent {
+                self.order_sent = true;
+                self.request.order_id = self.request.order_id.saturating_add(1);
+            }
+            (body.order_id, body.order) = (self.request.order_id, Some(order));
+        }
+        body
     }
 
     /// Puts an order in line.

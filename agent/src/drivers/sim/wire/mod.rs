@@ -43,10 +43,10 @@
 //! hello and inject may leave `receiver` zero, "not known yet", and so may what answers a packet
 //! whose sender could not be read; only inject may leave `sender` zero. A packet for an
 //! earlier run is dropped. `sequence` counts all packets of a sender from 1. Request ids count the
-//! client's requests from 1; power, reset and orders apart; 0 is none. A request is repeated until
-//! the status shows its id, and done once however often it comes. Orders leave one at a time, each
-//! with a higher id than the one before: one that comes late after a newer one is not done any
-//! more. `conditions` are bits of the robot's flag word. Numbers are finite and at most
+//! client's requests from 1; power, reset and orders apart; 0 is none, or one that is done. A
+//! request is repeated until the status shows its id, and done once however often it comes. Orders
+//! leave one at a time, each with a higher id than the one before: one that comes late after a newer
+//! one is not done any more. `conditions` are bits of the robot's flag word. Numbers are finite and at most
 //! [`MAX_VALUE`] in size. Header and `refused` stay the same in every version.
 //!
 //! The largest packet is a status of 16 joints, 32 signal values, 16 parameters and 2 tips: 979
