@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU64;
 
-use armada_model::{JointType, JointVector, PositionSource, RobotModel};
+use armada_model::{Chain, JointType, JointVector, PositionSource, RobotModel};
 use armada_protocol::messages::{ChainInfo, JointInfo};
 
 use super::{ConfigError, JointConfig, Problem, RobotConfig, millis};
@@ -71,14 +71,16 @@ impl RobotConfig {
     /// of any program has.
     ///
     /// # Errors
-    /// As [`RobotConfig::joint_infos`].
+    /// As [`RobotConfig::joint_infos`] and [`RobotConfig::chain_infos`].
     pub fn driver_setup(
         &self,
         model: &RobotModel,
         boot_nonce: NonZeroU64,
     ) -> Result<DriverSetup, ConfigError> {
         let joints = self.joint_infos(model)?;
-        Ok(DriverSetup { joints, period: self.control.period(), boot_nonce })
+        let chain = |info: &ChainInfo| Chain::new(model, &info.base_link, &info.tip_link).ok();
+        let chains = self.chain_infos(model)?.iter().map(chain).collect();
+        Ok(DriverSetup { joints, chains, period: self.control.period(), boot_nonce })
     }
 
     /// One value for each joint, in its unit.

@@ -17,7 +17,7 @@ use std::net::SocketAddr;
 use std::num::NonZeroU64;
 use std::time::Duration;
 
-use armada_model::{JointVector, MAX_JOINTS, MonoTime};
+use armada_model::{Chain, JointVector, MAX_JOINTS, MonoTime};
 use armada_protocol::messages::{JointInfo, OperationalMode, RobotFlags};
 
 pub use ability::{Abilities, MAX_PARAMETERS, MAX_SIGNAL_VALUES};
@@ -191,10 +191,12 @@ pub enum LinkRefusal {
 }
 
 /// What a driver or an emulator is told of the robot it serves.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct DriverSetup {
     /// The joints in the order of every vector; each with an acceleration limit.
     pub joints: Vec<JointInfo>,
+    /// The chains in the order of the robot file; `None` for one that no driven joint moves.
+    pub chains: Vec<Option<Chain>>,
     /// Period of the control loop.
     pub period: Duration,
     /// A number that no other run of this or another program has, so that the two sides of a

@@ -47,6 +47,14 @@ pub enum DriverRequest {
         /// Tool and payload together.
         load: LoadSetting,
     },
+    /// Take this tool at the flange of a chain: poses of moves are those of its tool centre point.
+    /// Without it they are those of the flange.
+    SetTool {
+        /// Which chain, in the order of the robot file.
+        chain: u8,
+        /// Pose of the tool centre point in the flange.
+        tool: Pose,
+    },
 }
 
 /// A move that the controller plans and executes itself.
