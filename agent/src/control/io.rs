@@ -385,6 +385,22 @@ impl FollowOrder {
     }
 }
 
+impl Order {
+    /// Identity of the motion that it begins or keeps going, if it does.
+    #[must_use]
+    pub const fn motion_id(&self) -> Option<Uuid> {
+        match self {
+            Self::Jog(order) => Some(order.id),
+            Self::Follow(order) => Some(order.id),
+            Self::Home(order) => Some(order.id),
+            Self::JogJoint(order) => Some(order.id),
+            Self::JogCartesian(order) => Some(order.id),
+            Self::Delegate(order) => Some(order.id),
+            _ => None,
+        }
+    }
+}
+
 impl LoopRequest {
     /// A request under no lease.
     #[must_use]
@@ -711,6 +727,8 @@ pub enum Refusal {
     LeaseStale,
     /// The lease ran out on the way.
     LeaseLost,
+    /// Somebody acquired the lease on the way.
+    LeaseTaken,
     /// The key switch stands where it forbids this.
     OperationalMode(OperationalMode),
     /// The key switch was turned on the way.

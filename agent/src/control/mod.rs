@@ -26,6 +26,7 @@
 //! * A motion ends in a ramp from what was sent last, unless the stream breaks off.
 //! * Every request is answered once; every motion has one terminal status.
 
+mod authority;
 mod controller;
 mod equipment;
 mod io;

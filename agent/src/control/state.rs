@@ -7,6 +7,7 @@ use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError, StopR
 use armada_protocol::messages::{CommandMode, FaultCode};
 use arrayvec::ArrayVec;
 
+use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::Equipment;
 use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
@@ -33,6 +34,7 @@ pub struct LoopState {
     /// Latched faults, oldest first.
     pub(super) faults: ArrayVec<LoopFault, MAX_FAULTS>,
     pub(super) stop: Stop,
+    pub(super) authority: Authority,
     pub(super) controller: Controller,
     pub(super) standstill: Standstill,
     pub(super) tracking: Tracking,
@@ -136,6 +138,7 @@ impl LoopState {
             condition: Condition::default(),
             faults: ArrayVec::new(),
             stop: Stop::default(),
+            authority: Authority::default(),
             controller: Controller::default(),
             standstill: Standstill::default(),
             tracking: Tracking::new(params),

@@ -26,6 +26,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     state.seqno += 1;
     state.verify(&mut tick, input.feedback.as_ref());
     state.follow_stop(&mut tick, input.stop);
+    state.watch_lease(&mut tick);
     state.keep_stream(&tick);
     for request in input.requests.drain(..) {
         state.take(&mut tick, request);
@@ -72,7 +73,7 @@ impl LoopState {
             motion: self.motion.as_ref().map(|motion| motion.progress(period_s)),
             limited_setpoints: self.limiter.changed(),
             speed_ratio: self.speed_ratio,
-            lease: None,
+            lease: self.authority.report(),
             stream: None,
             dropped_samples: DroppedSamples::default(),
             config_seqno: self.equipment.config_seqno,

@@ -139,6 +139,10 @@ impl Vocabulary {
             Refusal::LeaseLost => {
                 Denial::new(DenialCode::LeaseStale, format!("{}: the lease ran out", self.robot))
             }
+            Refusal::LeaseTaken => Denial::new(
+                DenialCode::LeaseRequired,
+                format!("{}: somebody acquired the lease", self.robot),
+            ),
             Refusal::OperationalMode(mode) => Denial::new(
                 DenialCode::WrongMode,
                 format!("the key switch of {} stands at {mode:?}, which forbids this", self.robot),

@@ -19,7 +19,9 @@ pub(super) use jog::JogMotion;
 pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
 use armada_model::{JointVector, MonoTime, MotionState};
-use armada_protocol::messages::{ActionStatus, Executor, FaultCode, MotionKind, MotionProgress};
+use armada_protocol::messages::{
+    ActionStatus, Executor, FaultCode, LeaseLoss, MotionKind, MotionProgress,
+};
 use uuid::Uuid;
 
 use super::io::{LoopEvent, MotionReport, Refusal, Retired};
@@ -49,6 +51,10 @@ pub(super) struct Motion {
     queued: bool,
     /// Time of its first set-point.
     started: Option<MonoTime>,
+    /// The lease it was begun under, which [`LoopState::take`] writes.
+    pub(super) lease: Option<Uuid>,
+    /// What it does if that lease runs out.
+    pub(super) on_lease_loss: LeaseLoss,
 }
 
 /// What makes the set-points of a motion.
@@ -75,8 +81,17 @@ enum Next {
 }
 
 impl Motion {
+    /// A motion of nobody's lease, to stop if it gets one that runs out.
     pub(super) const fn new(id: Uuid, source: Source) -> Self {
-        Self { id, source, cancelling: false, queued: false, started: None }
+        let on_lease_loss = LeaseLoss::StopOnPath;
+        let (cancelling, queued) = (false, false);
+        Self { id, source, cancelling, queued, started: None, lease: None, on_lease_loss }
+    }
+
+    /// The same with another way to react to the loss of its lease.
+    pub(super) const fn on_lease_loss(mut self, reaction: LeaseLoss) -> Self {
+        self.on_lease_loss = reaction;
+        self
     }
 
     /// Whether it makes the set-points, which it does not while it waits.
