@@ -33,6 +33,7 @@ mod io;
 mod limit;
 mod mode;
 mod motion;
+mod operational;
 mod orders;
 mod standstill;
 mod state;

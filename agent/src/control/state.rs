@@ -13,6 +13,7 @@ use super::equipment::Equipment;
 use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
 use super::motion::{End, Motion};
+use super::operational::reduced_limits;
 use super::standstill::Standstill;
 use super::stop::Stop;
 use super::tracking::Tracking;
@@ -25,6 +26,8 @@ pub(super) const MAX_FAULTS: usize = 10;
 #[derive(Debug)]
 pub struct LoopState {
     pub(super) limits: MotionLimits,
+    /// Limits at reduced speed; see [`limits_in_force`](Self::limits_in_force).
+    pub(super) reduced: MotionLimits,
     pub(super) seqno: u64,
     /// Changed by [`raise_epoch`](Self::raise_epoch) only.
     pub(super) epoch: u64,
@@ -115,6 +118,7 @@ impl LoopState {
     /// [`ParamsError::Period`] if the period is zero or longer than the communication timeout.
     pub fn new(params: &Params) -> Result<Self, ParamsError> {
         let limits = MotionLimits::new(&params.limits)?;
+        let reduced = reduced_limits(params)?;
         let expected = limits.len();
         for (field, vector) in [
             ("start_tolerance", &params.start_tolerance),
@@ -132,6 +136,7 @@ impl LoopState {
         }
         Ok(Self {
             limits,
+            reduced,
             seqno: 0,
             epoch: 0,
             mode: CommandMode::InvalidState,

@@ -13,9 +13,11 @@
 
 mod jog;
 mod ramp;
+mod speed;
 mod trajectory;
 
 pub(super) use jog::JogMotion;
+pub(super) use speed::SpeedFollower;
 pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
 use armada_model::{JointVector, MonoTime, MotionState};

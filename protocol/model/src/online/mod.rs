@@ -5,6 +5,7 @@
 //! OnlineState ---------plan--> JerkLimitedStop --at(t)-----> OnlineState
 //! target, target, … --retarget--> Retargeter ---tick(dt)---> OnlineState
 //! AxisPoint, target that moves --toward(dt)----------------> AxisPoint
+//! OnlineState, velocity --toward_velocity(dt)--------------> OnlineState
 //! ```
 //!
 //! What the library behind it answers is never trusted: every motion is integrated anew from its
@@ -23,6 +24,7 @@ mod line;
 mod request;
 mod retargeter;
 mod ruckig;
+mod speed;
 mod stop;
 
 #[cfg(test)]
