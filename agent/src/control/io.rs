@@ -12,6 +12,7 @@ use armada_protocol::messages::{
     StopLevel, StopStage, StreamHeader,
 };
 use arrayvec::ArrayVec;
+use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use super::equipment::{Equipment, MAX_CHAINS};
@@ -66,7 +67,7 @@ pub struct Params {
     pub abilities: LoopAbilities,
     /// The chains with their tools at the start.
     pub equipment: Arc<Equipment>,
-    /// Silence of a stream after which the robot decelerates.
+    /// Silence of a stream after which the robot decelerates, at the latest.
     pub stream_timeout: Duration,
     /// Highest age of the state that a sample of a stream was made for.
     pub stream_max_age: Duration,
@@ -494,12 +495,14 @@ pub struct LeaseReport {
 }
 
 /// A stream in progress.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StreamReport {
     /// Samples taken in this epoch.
     pub taken: u64,
     /// Samples dropped in this epoch.
     pub dropped: u64,
+    /// Samples taken of which a limit allows only a part, in this epoch.
+    pub limited: u64,
     /// When the newest one was taken.
     pub newest: MonoTime,
     /// Whether the robot decelerates or stands because samples stay away.
@@ -507,7 +510,7 @@ pub struct StreamReport {
 }
 
 /// Samples of streams that were not followed, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DroppedSamples {
     /// The lease is not in force.
     pub lease: u64,

@@ -4,12 +4,12 @@
 //!  feedback --verify--> condition, faults --+
 //!  stop gate ---stop--> latched stop -------+--> mode, epoch
 //!  requests -->orders--> motion ------------+       |
-//!                          |                        v
-//!             motion | ramp | hold --set-point--> limit --> controller
+//!  samples ---stream--------+                       v
+//!    motion | stream | ramp | hold --set-point--> limit --> controller
 //! ```
 //!
 //! The phases of [`step`] in this order, one file each: `verify` the feedback, follow the `stop`
-//! gate, take the `orders`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
+//! gate, take the `orders` and the samples of a `stream`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
 //! the `controller` for what it is to switch, and say what happened.
 //!
 //! Invariants, each a test:
@@ -39,6 +39,7 @@ mod standstill;
 mod state;
 mod step;
 mod stop;
+mod stream;
 mod tracking;
 mod verify;
 

@@ -90,5 +90,12 @@ impl LoopState {
 }
 
 const fn is_supported(mode: CommandMode) -> bool {
-    matches!(mode, CommandMode::Halt | CommandMode::Jog | CommandMode::Trajectory)
+    matches!(
+        mode,
+        CommandMode::Halt
+            | CommandMode::Jog
+            | CommandMode::Trajectory
+            | CommandMode::PositionCommand
+            | CommandMode::VelocityCommand
+    )
 }

@@ -16,6 +16,7 @@ use super::motion::{End, Motion};
 use super::operational::reduced_limits;
 use super::standstill::Standstill;
 use super::stop::Stop;
+use super::stream::Stream;
 use super::tracking::Tracking;
 use super::verify::Condition;
 
@@ -46,6 +47,7 @@ pub struct LoopState {
     pub(super) hold: JointVector,
     pub(super) ramp: Option<StopRamp>,
     pub(super) motion: Option<Motion>,
+    pub(super) stream: Stream,
     /// Speed of all motions, 0.01 to 1.
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
@@ -151,6 +153,7 @@ impl LoopState {
             hold: JointVector::EMPTY,
             ramp: None,
             motion: None,
+            stream: Stream::new(params),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
         })
@@ -160,10 +163,11 @@ impl LoopState {
         Granted { epoch: self.epoch, command_mode: self.mode }
     }
 
-    /// Raises the epoch, which ends the motion of the epoch before.
+    /// Raises the epoch, which ends the motion and the stream of the epoch before.
     pub(super) fn raise_epoch(&mut self, tick: &mut Tick<'_>, end: End) {
         self.epoch += 1;
         self.end_motion(tick, end);
+        self.end_stream(tick);
         self.decelerate(tick);
     }
 

@@ -1,10 +1,10 @@
 //! The phases of a tick, in their order.
 
 use armada_model::{JointVector, MonoTime};
-use armada_protocol::messages::{MotionKind, RobotFlags};
+use armada_protocol::messages::{CommandMode, MotionKind, RobotFlags};
 use arrayvec::ArrayVec;
 
-use super::io::{DroppedSamples, Input, Output, Params, Snapshot};
+use super::io::{Input, Output, Params, Snapshot};
 use super::state::{LoopState, Tick};
 use crate::drivers::{Feedback, MAX_REPORTED_TIPS, SetPoint, Values};
 
@@ -31,6 +31,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     for request in input.requests.drain(..) {
         state.take(&mut tick, request);
     }
+    state.take_samples(&mut tick, input.stream.drain(..));
     tick.output.command = state.set_point(&mut tick);
     state.watch_standstill(&tick);
     tick.output.driver_request = state.controller_request(&tick);
@@ -74,8 +75,8 @@ impl LoopState {
             limited_setpoints: self.limiter.changed(),
             speed_ratio: self.speed_ratio,
             lease: self.authority.report(),
-            stream: None,
-            dropped_samples: DroppedSamples::default(),
+            stream: self.stream.report(),
+            dropped_samples: self.stream.dropped(),
             config_seqno: self.equipment.config_seqno,
             signals: feedback.map_or(Values::EMPTY, |feedback| feedback.signals),
             parameters: feedback.map_or(Values::EMPTY, |feedback| feedback.parameters),
@@ -91,6 +92,7 @@ impl LoopState {
             .motion
             .as_ref()
             .is_some_and(|motion| motion.kind() == MotionKind::Trajectory && motion.is_moving());
+        let streaming = |mode| self.mode == mode && self.stream.is_followed();
         RobotFlags::NONE
             .with(RobotFlags::ERROR, !self.faults.is_empty() || is(|f| f.error_code != 0))
             .with(RobotFlags::ESTOP, stopped || is(|f| f.emergency_stop))
@@ -100,5 +102,7 @@ impl LoopState {
             .with(RobotFlags::READY, is(|f| f.ready))
             .with(RobotFlags::COMMUNICATION_FAILURE, feedback.is_none())
             .with(RobotFlags::TRAJECTORY_RUNNING, following)
+            .with(RobotFlags::VALID_POSITION_COMMAND, streaming(CommandMode::PositionCommand))
+            .with(RobotFlags::VALID_VELOCITY_COMMAND, streaming(CommandMode::VelocityCommand))
     }
 }

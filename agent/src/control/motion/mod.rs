@@ -14,9 +14,12 @@
 mod jog;
 mod ramp;
 mod speed;
+mod stream;
 mod trajectory;
+mod twist;
 
 pub(super) use jog::JogMotion;
+pub(super) use stream::StreamFollower;
 pub(super) use speed::SpeedFollower;
 pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
@@ -203,7 +206,8 @@ impl LoopState {
             return self.ramp_step();
         }
         let Some(motion) = self.motion.as_mut() else {
-            return Some((self.limiter.toward(&self.hold)?, None));
+            let state = self.stream_step(tick).or_else(|| self.limiter.toward(&self.hold))?;
+            return Some((state, None));
         };
         let next = motion.next(tick);
         motion.announce(tick, &next);

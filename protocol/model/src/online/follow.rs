@@ -1,7 +1,8 @@
 //! One step after a target that moves.
 
 use super::axis::{AxisMotion, AxisPoint};
-use crate::AxisLimits;
+use super::request::OnlineState;
+use crate::{AxisLimits, MotionLimits};
 
 /// Bandwidth of the law where no limit is near \[rad/s\]. With it as `w` the poles are those of
 /// `s³ + 3 w s² + 3 w² s + 3/4 w³`, that is at -0.37 w and (-1.31 ± 0.55 i) w.
@@ -34,6 +35,28 @@ pub struct AxisTarget {
     pub position: f64,
     /// Velocity \[1/s\].
     pub velocity: f64,
+}
+
+impl OnlineState {
+    /// The state `dt_s` \[s\] later, each joint after the target that `target` has for it, see
+    /// [`AxisPoint::toward`], or on its way to rest if there is none; joints without limits stay
+    /// as they are. Allocates nothing.
+    #[must_use]
+    pub fn toward(
+        &self,
+        target: impl Fn(usize) -> Option<AxisTarget>,
+        limits: &MotionLimits,
+        dt_s: f64,
+    ) -> Self {
+        Self::from_axes(self.position.len(), |joint| {
+            let point = self.axis(joint);
+            match (limits.get(joint), target(joint)) {
+                (Some(limits), Some(target)) => point.toward(target, limits, dt_s),
+                (Some(limits), None) => point.toward_rest(limits, dt_s),
+                (None, _) => point,
+            }
+        })
+    }
 }
 
 impl AxisPoint {
