@@ -1,5 +1,7 @@
 //! Tests of the whole step, on an invented clock and a simulated plant.
 
+mod authority;
+mod authority_model;
 mod controller;
 mod faults;
 mod jog;
