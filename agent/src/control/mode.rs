@@ -5,13 +5,14 @@
 //!   invalid_state <------------------------------------> halt <------> jog
 //!         ^                      fault                    ^
 //!         |                                               +----------> trajectory
-//!         +--- fault ---- jog, trajectory
+//!         +--- fault ---- each motion mode                +----------> position_command
+//!                                                         +----------> velocity_command
 //! ```
 //!
-//! | from \ to | halt | jog, trajectory | the mode in force | others |
+//! | from \ to | halt | a motion mode | the mode in force | others |
 //! |---|---|---|---|---|
 //! | halt | granted | granted if the robot follows and stands | granted, nothing changes | not supported |
-//! | jog, trajectory | granted, with a ramp | through halt | granted, nothing changes | not supported |
+//! | a motion mode | granted, with a ramp | through halt | granted, nothing changes | not supported |
 //! | invalid_state | refused with its fault | refused with its fault | – | not supported |
 //!
 //! A latched stop refuses every mode but halt. The order "halt" is more than the mode: it raises

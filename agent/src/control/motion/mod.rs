@@ -19,8 +19,8 @@ mod trajectory;
 mod twist;
 
 pub(super) use jog::JogMotion;
-pub(super) use stream::StreamFollower;
 pub(super) use speed::SpeedFollower;
+pub(super) use stream::StreamFollower;
 pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
 use armada_model::{JointVector, MonoTime, MotionState};

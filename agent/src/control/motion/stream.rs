@@ -20,7 +20,7 @@ use std::time::Duration;
 
 use armada_model::{AxisTarget, JointVector, MonoTime, MotionLimits, MotionState, OnlineState};
 
-use super::speed::SpeedFollower;
+use super::SpeedFollower;
 use super::twist::joint_velocity;
 use crate::control::equipment::Equipment;
 use crate::control::io::{StreamSample, StreamValues, TwistTarget};

@@ -10,4 +10,6 @@ mod modes;
 mod properties;
 mod rig;
 mod stop;
+mod stream;
+mod stream_tracking;
 mod trajectory;

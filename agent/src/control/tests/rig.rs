@@ -16,7 +16,7 @@ use uuid::Uuid;
 
 use crate::control::{
     FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
-    MotionReport, Order, Output, Params, Refusal, Retired, step,
+    MAX_SAMPLES, MotionReport, Order, Output, Params, Refusal, Retired, StreamSample, step,
 };
 use crate::drivers::{DriverRequest, Feedback, SetPoint};
 
@@ -236,6 +236,9 @@ pub(super) struct Rig {
     pub(super) retired: Vec<Arc<CompiledTrajectory>>,
     pub(super) commands: Vec<SetPoint>,
     pub(super) last: Option<Output>,
+    /// Samples of streams for the next ticks, and the number of the last.
+    pub(super) samples: Vec<StreamSample>,
+    pub(super) sample_seq: u64,
     requests: Vec<LoopRequest>,
     tickets: u64,
     watch: Watch,
@@ -260,6 +263,8 @@ impl Rig {
             retired: Vec::new(),
             commands: Vec::new(),
             last: None,
+            samples: Vec::new(),
+            sample_seq: 0,
             requests: Vec::new(),
             tickets: 0,
             watch: Watch::default(),
@@ -354,21 +359,23 @@ impl Rig {
 
     /// The loop wakes after `periods`, the plant having gone on without it.
     pub(super) fn late_tick(&mut self, periods: u32) -> Output {
-        self.now = self.now + PERIOD * periods;
+        self.now = self.now + self.params.period * periods;
         for _ in 1..periods {
             self.plant.go_on();
         }
         let count = self.requests.len().min(MAX_REQUESTS);
+        let waiting = self.samples.len().min(MAX_SAMPLES);
         let mut input = Input {
             now: self.now,
             feedback: self.plant.feedback(self.now),
             stop: self.stop,
             loop_error: self.loop_error,
             requests: self.requests.drain(..count).collect::<ArrayVec<_, MAX_REQUESTS>>(),
-            stream: ArrayVec::new(),
+            stream: self.samples.drain(..waiting).collect::<ArrayVec<_, MAX_SAMPLES>>(),
         };
         let output = step(&self.params, &mut self.state, &mut input);
         assert!(input.requests.is_empty(), "requests were left in the input");
+        assert!(input.stream.is_empty(), "samples were left in the input");
         self.watch.check(&self.params, self.stop, input.feedback.as_ref(), &output);
         self.plant.take(output.command.as_ref(), output.driver_request);
         self.events.extend(output.events.iter().copied());
