@@ -196,7 +196,7 @@ pub enum StreamValues {
 }
 
 /// Speed wanted of a tool.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwistTarget {
     /// Which chain, in the order of the robot file.
     pub chain: u8,

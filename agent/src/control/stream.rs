@@ -41,7 +41,7 @@ use crate::drivers::JointSet;
 const MAX_RING: usize = 4096;
 
 /// The stream in progress, and what is needed to judge the next sample.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Stream {
     past: Past,
     /// The newest sample that came with the lease and epoch that were in force.
@@ -52,7 +52,7 @@ pub(super) struct Stream {
 }
 
 /// A stream in progress.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Current {
     lease: Uuid,
     report: StreamReport,

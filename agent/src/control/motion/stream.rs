@@ -19,6 +19,7 @@
 use std::time::Duration;
 
 use armada_model::{AxisTarget, JointVector, MonoTime, MotionLimits, MotionState, OnlineState};
+use serde::{Deserialize, Serialize};
 
 use super::SpeedFollower;
 use super::twist::joint_velocity;
@@ -34,7 +35,7 @@ const PATIENCE: f64 = 2.0;
 const JUMP: f64 = 2.0;
 
 /// What follows a stream.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::control) struct StreamFollower {
     /// The state of the last tick; none before the first.
     state: Option<OnlineState>,
@@ -44,7 +45,7 @@ pub(in crate::control) struct StreamFollower {
 }
 
 /// What the newest sample asks for.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 enum Wanted {
     /// Rest.
     #[default]
@@ -55,7 +56,7 @@ enum Wanted {
 }
 
 /// Positions of some joints at the arrival of a sample, and how they go on.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct PositionTarget {
     joints: JointSet,
     position: JointVector,
@@ -205,7 +206,7 @@ fn is_too_fast(velocity: &JointVector, limits: &MotionLimits) -> bool {
 /// Source of the gains of the first samples, which average them all: E. Brookner, "Tracking and
 /// Kalman Filtering Made Easy", 1998, section 1.2.10; of the last, critical damping with fading
 /// memory, section 1.2.6.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Pace {
     seq: u64,
     arrived: MonoTime,
