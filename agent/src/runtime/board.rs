@@ -9,13 +9,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use armada_model::MonoTime;
 use armada_protocol::messages::{
     ClearBy, CommandMode, DenialCode, Fault, FaultCode, LatchedStop, LoopStatistics, RobotFlags,
-    RobotStatus, StopLatch, StopLevel, StopStage,
+    RobotStatus, StopLatch, StopLevel, StopStage, StreamStatistics,
 };
 use uuid::Uuid;
 
 use super::motion_log::MotionLog;
 use super::words::Vocabulary;
-use crate::control::{Granted, Refusal, Snapshot};
+use crate::control::{DroppedSamples, Granted, Refusal, Snapshot, StreamReport};
 use tokio::sync::oneshot;
 
 /// The board behind its lock.
@@ -134,11 +134,29 @@ impl Board {
             lease: None,
             motion: self.motions.current().cloned(),
             queued: Vec::new(),
-            stream: None,
+            stream: snapshot.stream.map(|stream| statistics(&stream, now)),
             control_loop: self.statistics,
-            dropped: self.dropped.iter().map(|(what, count)| (what.clone(), *count)).collect(),
+            dropped: self.all_dropped(),
             next: self.next_steps(),
         }
+    }
+
+    /// What was dropped or refused, here and in the loop.
+    fn all_dropped(&self) -> Vec<(String, u64)> {
+        let DroppedSamples { lease, epoch, sequence, age, mode, values } =
+            self.snapshot.dropped_samples;
+        let in_loop = [
+            ("stream_lease", lease),
+            ("stream_epoch", epoch),
+            ("stream_sequence", sequence),
+            ("stream_age", age),
+            ("stream_mode", mode),
+            ("stream_values", values),
+        ];
+        let in_loop = in_loop.into_iter().filter(|(_, count)| *count > 0);
+        let mut all = self.dropped.clone();
+        all.extend(in_loop.map(|(what, count)| (what.to_owned(), count)));
+        all.into_iter().collect()
     }
 
     fn all_faults(&self) -> Vec<Fault> {
@@ -184,6 +202,12 @@ impl Board {
             CommandMode::Halt => vec!["set a mode and move, or: armada move".to_owned()],
             CommandMode::Jog => vec!["jog_freespace, or set mode halt".to_owned()],
             CommandMode::Trajectory => vec!["execute_trajectory, or set mode halt".to_owned()],
+            CommandMode::PositionCommand => {
+                vec!["stream positions under a lease, or set mode halt".to_owned()]
+            }
+            CommandMode::VelocityCommand => {
+                vec!["stream velocities under a lease, or set mode halt".to_owned()]
+            }
             _ => Vec::new(),
         }
     }
@@ -194,4 +218,11 @@ impl StopRecord {
         let stops = self.stops.iter().map(|received| received.stop.clone()).collect();
         StopLatch { level: self.level, stops, stage: self.stage }
     }
+}
+
+/// The stream in progress, as it is at `now`.
+fn statistics(stream: &StreamReport, now: MonoTime) -> StreamStatistics {
+    let StreamReport { taken, dropped, limited, newest, starved } = *stream;
+    let age_ms = now.saturating_since(newest).as_secs_f64() * 1e3;
+    StreamStatistics { taken, dropped, limited, age_ms, starved }
 }

@@ -27,7 +27,7 @@ use super::mailbox::StampedEvent;
 use super::meter::{Meter, MeterReader};
 use super::stop_intake::IncomingStop;
 use super::words::name;
-use crate::control::LoopEvent;
+use crate::control::{LoopEvent, StreamChange};
 
 /// How often progress of a motion is published.
 const PROGRESS: Duration = Duration::from_millis(100);
@@ -129,7 +129,8 @@ impl Desk {
                 self.event(stamp, Severity::Info, EventKind::FaultsCleared, message, Map::new())
                     .await;
             }
-            LoopEvent::Lease(_) | LoopEvent::OperationalMode { .. } | LoopEvent::Stream(_) => {}
+            LoopEvent::Lease(_) | LoopEvent::OperationalMode { .. } => {}
+            LoopEvent::Stream(change) => self.take_stream(stamp, change).await,
             LoopEvent::StopStage(stage) => self.take_stage(stamp, stage).await,
             LoopEvent::StopCleared => {
                 info!("stop reset");
@@ -139,6 +140,20 @@ impl Desk {
             }
         }
         self.publish_status().await;
+    }
+
+    async fn take_stream(&mut self, stamp: MonoTime, change: StreamChange) {
+        let (severity, what, message) = match change {
+            StreamChange::Began => (Severity::Info, "began", "a stream of commands began"),
+            StreamChange::Starved => {
+                (Severity::Warning, "starved", "the stream of commands starved: decelerating")
+            }
+            StreamChange::Resumed => (Severity::Info, "resumed", "the stream of commands goes on"),
+            StreamChange::Ended => (Severity::Info, "ended", "the stream of commands ended"),
+        };
+        info!(change = what, "stream of commands");
+        let details = map(json!({ "change": what }));
+        self.event(stamp, severity, EventKind::Stream, message.to_owned(), details).await;
     }
 
     async fn take_motion(&mut self, stamp: MonoTime, report: &crate::control::MotionReport) {

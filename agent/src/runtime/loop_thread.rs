@@ -40,6 +40,8 @@ pub(super) struct LoopThread {
     pub(super) realtime: RealtimeConfig,
     /// A sample of the state falls due every so many ticks.
     pub(super) ticks_per_sample: u64,
+    /// The same for each of the classes of lower rates.
+    pub(super) ticks_per_class: Vec<u64>,
     /// Woken when there is something to publish.
     pub(super) publisher: Thread,
     pub(super) shutdown: Arc<AtomicBool>,
@@ -111,6 +113,11 @@ impl LoopThread {
         {
             input.requests.push(request);
         }
+        while !input.stream.is_full()
+            && let Ok(sample) = self.mailbox.samples.pop()
+        {
+            input.stream.push(sample);
+        }
         let output = step(&self.params, &mut self.state, &mut input);
         self.send(woke, &output);
         self.report(output, due);
@@ -132,7 +139,9 @@ impl LoopThread {
     fn report(&mut self, output: Output, due: &mut Due) {
         let sample = due.tick();
         let said = monotonic();
-        let something = sample || !output.events.is_empty() || !output.retired.is_empty();
+        let seqno = output.snapshot.seqno;
+        let class = self.ticks_per_class.iter().any(|&ticks| seqno % ticks.max(1) == 0);
+        let something = sample || class || !output.events.is_empty() || !output.retired.is_empty();
         for event in output.events {
             if self.mailbox.events.push((said, event)).is_err() {
                 self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
@@ -260,6 +269,7 @@ mod tests {
             meter: Arc::clone(&meter),
             realtime: RealtimeConfig { priority: None, cpu: None, lock_memory: false },
             ticks_per_sample: 1,
+            ticks_per_class: Vec::new(),
             publisher: std::thread::current(),
             shutdown: Arc::clone(&shutdown),
             wake_log: None,

@@ -36,6 +36,7 @@ mod robot;
 mod robot_agent;
 mod stop_gate;
 mod stop_intake;
+mod stream_intake;
 mod threads;
 mod wake_log;
 mod words;
