@@ -189,9 +189,8 @@ impl LoopState {
     fn makes_sense(&self, values: &StreamValues) -> bool {
         let count = self.limits.len();
         let fits = |vector: &JointVector| vector.len() == count && vector.is_finite();
-        let is_some = |joints: JointSet| {
-            !joints.is_empty() && JointSet::first(count).contains_all(joints)
-        };
+        let is_some =
+            |joints: JointSet| !joints.is_empty() && JointSet::first(count).contains_all(joints);
         match values {
             StreamValues::Position { joints, position, velocity } => {
                 is_some(*joints) && fits(position) && (velocity.is_empty() || fits(velocity))

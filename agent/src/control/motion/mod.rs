@@ -19,8 +19,8 @@ mod trajectory;
 mod twist;
 
 pub(super) use jog::JogMotion;
-pub(super) use stream::StreamFollower;
 pub(super) use speed::SpeedFollower;
+pub(super) use stream::StreamFollower;
 pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
 use armada_model::{JointVector, MonoTime, MotionState};
@@ -29,9 +29,9 @@ use armada_protocol::messages::{
 };
 use uuid::Uuid;
 
+use super::faults::fault;
 use super::io::{LoopEvent, MotionReport, Refusal, Retired};
 use super::state::{LoopState, Tick};
-use super::verify::fault;
 use crate::drivers::SetPoint;
 
 /// How a motion ends.
