@@ -767,4 +767,6 @@ pub enum Refusal {
     },
     /// The controller did not do it in time.
     ControllerTimeout,
+    /// The step that took the request failed: whether it was done is not known.
+    StepFailed,
 }

@@ -29,6 +29,8 @@
 mod authority;
 mod controller;
 mod equipment;
+mod faults;
+mod flags;
 mod io;
 mod limit;
 mod mode;
@@ -47,6 +49,7 @@ mod verify;
 mod tests;
 
 pub use equipment::{Equipment, EquippedChain, MAX_CHAINS};
+pub use faults::clear_by;
 pub use io::{
     DelegateOrder, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder, Input,
     JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities, LoopEvent,

@@ -6,20 +6,43 @@
 //! | `manual_full_speed`, `cobot` | full | allowed |
 //! | `auto` | full | refused |
 //!
-//! A controller that does not report its mode is in the one of the robot file.
+//! A controller that does not report its mode is in the one of the robot file; one that is not
+//! heard is in `undefined`.
+//!
+//! When the switch is turned in a motion mode, the epoch is raised: what moves fails with a ramp,
+//! because it was begun under other limits. In halt and `invalid_state` it is only told. Silence
+//! turns no switch: a mode is compared with the one of when the controller was last heard.
 
 use armada_model::{JointLimits, MotionLimits, MotionLimitsError};
 use armada_protocol::messages::OperationalMode;
 
-use super::io::{Params, Refusal};
-use super::state::LoopState;
+use super::io::{LoopEvent, Params, Refusal};
+use super::motion::End;
+use super::state::{LoopState, Tick};
+use super::verify::is_motion_mode;
 
 impl LoopState {
     /// The operational mode in force.
     pub(super) fn operational_mode(&self, params: &Params) -> OperationalMode {
-        match self.condition.operational_mode() {
-            OperationalMode::Undefined => params.operational_mode,
-            reported => reported,
+        match self.condition.feedback().map(|feedback| feedback.operational_mode) {
+            None => OperationalMode::Undefined,
+            Some(OperationalMode::Undefined) => params.operational_mode,
+            Some(reported) => reported,
+        }
+    }
+
+    /// Sees whether the switch was turned, and ends what was begun before.
+    pub(super) fn follow_key_switch(&mut self, tick: &mut Tick<'_>) {
+        if self.condition.feedback().is_none() {
+            return;
+        }
+        let to = self.operational_mode(tick.params);
+        let Some(from) = self.condition.key_switch.replace(to).filter(|&from| from != to) else {
+            return;
+        };
+        tick.event(LoopEvent::OperationalMode { from, to });
+        if is_motion_mode(self.mode) {
+            self.raise_epoch(tick, End::Failed(Refusal::OperationalModeChanged));
         }
     }
 

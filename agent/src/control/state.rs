@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError, StopRamp};
-use armada_protocol::messages::{CommandMode, FaultCode};
+use armada_protocol::messages::CommandMode;
 use arrayvec::ArrayVec;
 
 use super::authority::Authority;
@@ -177,50 +177,10 @@ impl LoopState {
         self.enter(tick, mode);
     }
 
-    /// Latches a fault: the motion fails, the robot decelerates, the mode is invalid.
-    pub(super) fn latch(&mut self, tick: &mut Tick<'_>, fault: LoopFault) {
-        let known = self.faults.iter().any(|latched| latched.code == fault.code);
-        if known || self.faults.try_push(fault).is_err() {
-            return;
-        }
-        tick.event(LoopEvent::FaultLatched(fault));
-        self.raise_epoch(tick, End::Failed(refusal_of(fault.code)));
-        self.enter(tick, CommandMode::InvalidState);
-        self.fail_pending(tick, fault.code);
-    }
-
-    /// Clears all faults; the caller has seen to it that no cause remains.
-    pub(super) fn clear_faults(&mut self, tick: &mut Tick<'_>) {
-        if self.faults.is_empty() {
-            return;
-        }
-        self.faults.clear();
-        tick.event(LoopEvent::FaultsCleared);
-        self.change_mode(tick, CommandMode::Halt, End::Cancelled(Refusal::ModeLeft));
-        self.reseed(tick);
-    }
-
-    /// Why nothing is possible in `invalid_state`.
-    pub(super) fn invalid_because(&self) -> Refusal {
-        match self.faults.first() {
-            _ if self.condition.feedback().is_none() => Refusal::CommunicationLost,
-            Some(fault) => Refusal::Faulted(fault.code),
-            None => Refusal::NotReady,
-        }
-    }
-
     fn enter(&mut self, tick: &mut Tick<'_>, mode: CommandMode) {
         let from = std::mem::replace(&mut self.mode, mode);
         if from != mode {
             tick.event(LoopEvent::Mode { from, to: mode });
         }
-    }
-}
-
-/// What a fault means for whoever wanted to move.
-pub(super) const fn refusal_of(code: FaultCode) -> Refusal {
-    match code {
-        FaultCode::CommunicationLost => Refusal::CommunicationLost,
-        code => Refusal::Faulted(code),
     }
 }

@@ -1,7 +1,6 @@
 //! The phases of a tick, in their order.
 
 use armada_model::{JointVector, MonoTime};
-use armada_protocol::messages::{CommandMode, MotionKind, RobotFlags};
 use arrayvec::ArrayVec;
 
 use super::io::{Input, Output, Params, Snapshot};
@@ -63,8 +62,8 @@ impl LoopState {
             seqno: self.seqno,
             epoch: self.epoch,
             command_mode: self.mode,
-            operational_mode: self.condition.operational_mode(),
-            controller_state: self.condition.controller_state(),
+            operational_mode: self.operational_mode(params),
+            controller_state: self.controller_state(),
             flags: self.flags(),
             joint_position: measured(|feedback| feedback.joint_position),
             joint_velocity: measured(|feedback| feedback.joint_velocity),
@@ -82,27 +81,5 @@ impl LoopState {
             parameters: feedback.map_or(Values::EMPTY, |feedback| feedback.parameters),
             tips: feedback.map_or([None; MAX_REPORTED_TIPS], |feedback| feedback.tips),
         }
-    }
-
-    fn flags(&self) -> RobotFlags {
-        let feedback = self.condition.feedback();
-        let is = |of: fn(&Feedback) -> bool| feedback.is_some_and(of);
-        let stopped = self.stop.level().is_some();
-        let following = self
-            .motion
-            .as_ref()
-            .is_some_and(|motion| motion.kind() == MotionKind::Trajectory && motion.is_moving());
-        let streaming = |mode| self.mode == mode && self.stream.is_followed();
-        RobotFlags::NONE
-            .with(RobotFlags::ERROR, !self.faults.is_empty() || is(|f| f.error_code != 0))
-            .with(RobotFlags::ESTOP, stopped || is(|f| f.emergency_stop))
-            .with(RobotFlags::ESTOP_SOFTWARE, stopped)
-            .with(RobotFlags::ESTOP_INTERNAL, is(|f| f.emergency_stop))
-            .with(RobotFlags::ENABLED, is(|f| f.enabled))
-            .with(RobotFlags::READY, is(|f| f.ready))
-            .with(RobotFlags::COMMUNICATION_FAILURE, feedback.is_none())
-            .with(RobotFlags::TRAJECTORY_RUNNING, following)
-            .with(RobotFlags::VALID_POSITION_COMMAND, streaming(CommandMode::PositionCommand))
-            .with(RobotFlags::VALID_VELOCITY_COMMAND, streaming(CommandMode::VelocityCommand))
     }
 }

@@ -24,6 +24,7 @@ mod bus;
 mod clock;
 mod desk;
 mod emulation;
+mod leases;
 mod link;
 mod loop_thread;
 mod mailbox;

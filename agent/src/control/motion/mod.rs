@@ -29,9 +29,9 @@ use armada_protocol::messages::{
 };
 use uuid::Uuid;
 
+use super::faults::fault;
 use super::io::{LoopEvent, MotionReport, Refusal, Retired};
 use super::state::{LoopState, Tick};
-use super::verify::fault;
 use crate::drivers::SetPoint;
 
 /// How a motion ends.

@@ -240,7 +240,7 @@ impl Requests {
         }
         match tokio::time::timeout(patience, answered).await {
             Ok(Ok(Ok(granted))) => Ok(granted),
-            Ok(Ok(Err(refusal))) => Err(self.board.lock().vocabulary.denial(&refusal)),
+            Ok(Ok(Err(refusal))) => Err(self.board.lock().denial(&refusal)),
             Ok(Err(_)) | Err(_) => {
                 self.board.lock().tickets.remove(&ticket);
                 Err(Denial::new(DenialCode::Timeout, "the control loop does not answer"))
