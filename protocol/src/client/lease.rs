@@ -97,7 +97,7 @@ impl LeaseKeeper {
     /// As [`Client::call`]; a lease that was lost before is no error.
     pub async fn release(self) -> Result<(), ClientError> {
         // If the task has ended already there is nothing to tell.
-        drop(self.end.send(()));
+        let _ = self.end.send(());
         self.task.await.unwrap_or(Ok(()))
     }
 }
