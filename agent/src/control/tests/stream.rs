@@ -1,6 +1,5 @@
 //! Which samples of a stream are followed, and what becomes of the stream.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{JointVector, Twist};
@@ -234,7 +233,7 @@ fn the_newest_good_sample_of_a_tick_is_followed_and_all_are_counted() {
     let newest = rig.now;
     let expected = StreamReport { taken: 3, dropped: 1, limited: 0, newest, starved: false };
     assert_eq!(report(&rig), Some(expected));
-    for _ in 0..100 {
+    for _ in 0..400 {
         send(&mut rig, position([0.001, 0.0, 0.0]));
         assert!((0.0..=0.001).contains(&commanded(&rig)[0]), "only the newest counts");
     }
@@ -293,11 +292,11 @@ fn a_stream_under_way_shows_in_the_flags_of_its_mode() {
 fn what_raises_the_epoch_ends_the_stream_with_a_ramp() {
     type Act = fn(&mut Rig);
     let acts: [(&str, Act); 5] = [
-        ("halt", |rig| drop(rig.ask(Order::Halt))),
+        ("halt", |rig| assert!(rig.ask(Order::Halt).is_ok())),
         ("stop", |rig| rig.stop = Some(StopLevel::L2)),
         ("fault", |rig| rig.plant.error_code = 7),
-        ("release", |rig| drop(rig.ask(Order::ReleaseLease(LEASE)))),
-        ("disable", |rig| drop(rig.order(Order::Disable))),
+        ("release", |rig| assert!(rig.ask(Order::ReleaseLease(LEASE)).is_ok())),
+        ("disable", |rig| assert!(rig.order(Order::Disable) > 0)),
     ];
     for (what, act) in acts {
         let mut rig = streaming(VelocityCommand);
@@ -386,7 +385,7 @@ fn joints_that_a_sample_does_not_command_come_to_rest_and_stay() {
         send(&mut rig, values(0, 1.0));
     }
     assert!(commanded(&rig)[0] > 0.05 && commanded(&rig)[1] == 0.0 && commanded(&rig)[2] == 0.0);
-    for _ in 0..400 {
+    for _ in 0..800 {
         send(&mut rig, values(2, -1.0));
     }
     let left = commanded(&rig);
@@ -409,13 +408,4 @@ fn positions_out_of_reach_are_followed_to_the_limit_and_counted() {
     let stream = report(&rig).expect("in progress");
     assert_eq!((stream.taken, stream.limited), (1000, 1000));
     assert_eq!(rig.last.expect("a tick").snapshot.limited_setpoints, 0, "the limiter slept");
-}
-
-#[test]
-fn the_chain_of_a_twist_must_exist() {
-    let mut rig = streaming(VelocityCommand);
-    assert!(rig.state.equipment.chains.is_empty());
-    send(&mut rig, twist());
-    assert_eq!(dropped(&rig).values, 1);
-    rig.state.equipment = Arc::default();
 }
