@@ -60,6 +60,8 @@ impl RobotConfig {
             tracking_lag: millis(control.tracking_lag_ms),
             standstill_hold: millis(control.standstill_hold_ms),
             request_timeout: millis(control.request_timeout_ms),
+            stream_timeout: millis(control.stream_timeout_ms),
+            stream_max_age: millis(control.stream_max_age_ms),
             enable_on_start: control.enable_on_start,
             reduced: joints.iter().map(|joint| joint.reduced).collect(),
             home: joints.iter().map(|joint| joint.home).collect(),

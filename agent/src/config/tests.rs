@@ -226,6 +226,31 @@ fn values_that_no_loop_may_have_are_refused() {
             "publish: {state_rate_hz: 501}\ndriver:\n",
             "publish.state_rate_hz: 501 is outside 1 to 500",
         ),
+        (
+            DRIVER,
+            "publish: {state_classes_hz: [10, 501]}\ndriver:\n",
+            "publish.state_classes_hz: 501 is outside 1 to 500",
+        ),
+        (
+            DRIVER,
+            "publish: {state_classes_hz: [10, 1, 10]}\ndriver:\n",
+            "publish.state_classes_hz: 10 is given twice",
+        ),
+        (
+            DRIVER,
+            "publish: {state_classes_hz: [1, 2, 3, 4, 5, 6, 7, 8, 9]}\ndriver:\n",
+            "publish.state_classes_hz: 9 rates, above the limit 8",
+        ),
+        (
+            DRIVER,
+            "control: {stream_timeout_ms: 201}\ndriver:\n",
+            "control.stream_timeout_ms: 201 is outside 8 to 200",
+        ),
+        (
+            DRIVER,
+            "control: {stream_max_age_ms: 10}\ndriver:\n",
+            "control.stream_max_age_ms: 10 is outside 20 to 1000",
+        ),
         (DRIVER, "publish: {encoding: xml}\ndriver:\n", "json"),
         (DRIVER, "zenoh: {listen: [localhost]}\ndriver:\n", "zenoh.listen.0: \"localhost\" is not"),
     ]);
@@ -309,4 +334,10 @@ fn what_is_not_known_is_answered_with_what_is() {
     let vendors = VENDORS.join(", ");
     let expected = format!("arm.yaml:9:3: unknown variant `abb`, expected one of {vendors}\n");
     assert!(message.starts_with(&expected), "{message}");
+}
+
+#[test]
+fn a_slow_loop_has_those_default_rates_of_the_state_that_it_can_keep() {
+    let classes = |rate_hz: f64| PublishConfig::default().state_classes(rate_hz);
+    assert_eq!((classes(500.0), classes(10.0)), (vec![1, 10, 30], vec![1, 10]));
 }

@@ -17,8 +17,9 @@ use armada_model::MonoTime;
 use armada_protocol::messages::FaultCode;
 use arrayvec::ArrayVec;
 
+use super::faults::refusal_of;
 use super::io::Refusal;
-use super::state::{LoopState, Tick, refusal_of};
+use super::state::{LoopState, Tick};
 use crate::drivers::DriverRequest;
 
 /// Most requests that wait for the controller. The last place is for a disable only.

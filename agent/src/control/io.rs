@@ -12,6 +12,7 @@ use armada_protocol::messages::{
     StopLevel, StopStage, StreamHeader,
 };
 use arrayvec::ArrayVec;
+use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use super::equipment::{Equipment, MAX_CHAINS};
@@ -66,7 +67,7 @@ pub struct Params {
     pub abilities: LoopAbilities,
     /// The chains with their tools at the start.
     pub equipment: Arc<Equipment>,
-    /// Silence of a stream after which the robot decelerates.
+    /// Silence of a stream after which the robot decelerates, at the latest.
     pub stream_timeout: Duration,
     /// Highest age of the state that a sample of a stream was made for.
     pub stream_max_age: Duration,
@@ -195,7 +196,7 @@ pub enum StreamValues {
 }
 
 /// Speed wanted of a tool.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwistTarget {
     /// Which chain, in the order of the robot file.
     pub chain: u8,
@@ -385,6 +386,22 @@ impl FollowOrder {
     }
 }
 
+impl Order {
+    /// Identity of the motion that it begins or keeps going, if it does.
+    #[must_use]
+    pub const fn motion_id(&self) -> Option<Uuid> {
+        match self {
+            Self::Jog(order) => Some(order.id),
+            Self::Follow(order) => Some(order.id),
+            Self::Home(order) => Some(order.id),
+            Self::JogJoint(order) => Some(order.id),
+            Self::JogCartesian(order) => Some(order.id),
+            Self::Delegate(order) => Some(order.id),
+            _ => None,
+        }
+    }
+}
+
 impl LoopRequest {
     /// A request under no lease.
     #[must_use]
@@ -478,12 +495,14 @@ pub struct LeaseReport {
 }
 
 /// A stream in progress.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StreamReport {
     /// Samples taken in this epoch.
     pub taken: u64,
     /// Samples dropped in this epoch.
     pub dropped: u64,
+    /// Samples taken of which a limit allows only a part, in this epoch.
+    pub limited: u64,
     /// When the newest one was taken.
     pub newest: MonoTime,
     /// Whether the robot decelerates or stands because samples stay away.
@@ -491,7 +510,7 @@ pub struct StreamReport {
 }
 
 /// Samples of streams that were not followed, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DroppedSamples {
     /// The lease is not in force.
     pub lease: u64,
@@ -711,6 +730,8 @@ pub enum Refusal {
     LeaseStale,
     /// The lease ran out on the way.
     LeaseLost,
+    /// Somebody acquired the lease on the way.
+    LeaseTaken,
     /// The key switch stands where it forbids this.
     OperationalMode(OperationalMode),
     /// The key switch was turned on the way.
@@ -746,4 +767,6 @@ pub enum Refusal {
     },
     /// The controller did not do it in time.
     ControllerTimeout,
+    /// The step that took the request failed: whether it was done is not known.
+    StepFailed,
 }

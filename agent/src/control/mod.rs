@@ -4,12 +4,12 @@
 //!  feedback --verify--> condition, faults --+
 //!  stop gate ---stop--> latched stop -------+--> mode, epoch
 //!  requests -->orders--> motion ------------+       |
-//!                          |                        v
-//!             motion | ramp | hold --set-point--> limit --> controller
+//!  samples ---stream--------+                       v
+//!    motion | stream | ramp | hold --set-point--> limit --> controller
 //! ```
 //!
 //! The phases of [`step`] in this order, one file each: `verify` the feedback, follow the `stop`
-//! gate, take the `orders`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
+//! gate, take the `orders` and the samples of a `stream`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
 //! the `controller` for what it is to switch, and say what happened.
 //!
 //! Invariants, each a test:
@@ -26,17 +26,22 @@
 //! * A motion ends in a ramp from what was sent last, unless the stream breaks off.
 //! * Every request is answered once; every motion has one terminal status.
 
+mod authority;
 mod controller;
 mod equipment;
+mod faults;
+mod flags;
 mod io;
 mod limit;
 mod mode;
 mod motion;
+mod operational;
 mod orders;
 mod standstill;
 mod state;
 mod step;
 mod stop;
+mod stream;
 mod tracking;
 mod verify;
 
@@ -44,6 +49,7 @@ mod verify;
 mod tests;
 
 pub use equipment::{Equipment, EquippedChain, MAX_CHAINS};
+pub use faults::clear_by;
 pub use io::{
     DelegateOrder, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder, Input,
     JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities, LoopEvent,

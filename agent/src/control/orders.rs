@@ -4,6 +4,7 @@ use armada_model::MotionState;
 use armada_protocol::messages::{CommandMode, FaultCode};
 use uuid::Uuid;
 
+use super::authority::Attribution;
 use super::io::{FollowOrder, JogOrder, LoopRequest, Order, Refusal, Retired};
 use super::motion::{End, JogMotion, Motion, Source, StartPoint, TrajectoryMotion};
 use super::state::{LoopState, Tick};
@@ -19,7 +20,12 @@ enum Verdict {
 impl LoopState {
     /// Does what is asked, or says why not.
     pub(super) fn take(&mut self, tick: &mut Tick<'_>, request: LoopRequest) {
-        let LoopRequest { ticket, lease: _, order } = request;
+        let LoopRequest { ticket, lease, order } = request;
+        let attribution = Attribution::of(&order, lease);
+        if let Err(refusal) = self.check_lease(tick, &order, lease) {
+            give_back(tick, order);
+            return tick.answer(ticket, Err(refusal));
+        }
         let granted = |()| Verdict::Granted;
         let verdict = match order {
             Order::SetMode(mode) => self.set_mode(tick, mode).map(granted),
@@ -30,9 +36,9 @@ impl LoopState {
             Order::Jog(order) => self.jog(tick, &order).map(granted),
             Order::Follow(order) => self.follow(tick, order).map(granted),
             Order::Cancel(id) => self.cancel(tick, id).map(granted),
-            Order::AcquireLease { .. } | Order::RenewLease(_) | Order::ReleaseLease(_) => {
-                Err(Refusal::NotSupported("leases"))
-            }
+            Order::AcquireLease { lease, ttl } => self.acquire_lease(tick, lease, ttl).map(granted),
+            Order::RenewLease(lease) => self.renew_lease(tick, lease).map(granted),
+            Order::ReleaseLease(lease) => self.release_lease(tick, lease).map(granted),
             Order::Home(_) => Err(Refusal::NotSupported("homing")),
             Order::JogJoint(_) | Order::JogCartesian(_) => Err(Refusal::NotSupported("jogs")),
             Order::Delegate(_) => Err(Refusal::NotSupported("delegated moves")),
@@ -46,6 +52,9 @@ impl LoopState {
                 Err(Refusal::NotSupported("signals and parameters"))
             }
         };
+        if verdict.is_ok() {
+            self.attribute(tick, attribution);
+        }
         match verdict {
             Ok(Verdict::Granted) => tick.answer(ticket, Ok(self.granted())),
             Ok(Verdict::Waiting) => {}
@@ -128,7 +137,8 @@ impl LoopState {
     fn follow(&mut self, tick: &mut Tick<'_>, order: FollowOrder) -> Result<(), Refusal> {
         match self.plan_to_follow(tick, &order) {
             Ok(trajectory) => {
-                self.motion = Some(Motion::new(order.id, Source::Trajectory(trajectory)));
+                let motion = Motion::new(order.id, Source::Trajectory(trajectory));
+                self.motion = Some(motion.on_lease_loss(order.on_lease_loss));
                 Ok(())
             }
             Err(refusal) => {
@@ -181,5 +191,14 @@ impl LoopState {
         } else {
             Refusal::CommunicationLost
         }
+    }
+}
+
+/// Gives what an order owns back, if it is refused before it is looked at.
+fn give_back(tick: &mut Tick<'_>, order: Order) {
+    match order {
+        Order::Follow(order) => tick.retire(Retired::Trajectory(order.trajectory)),
+        Order::SetEquipment(order) => tick.retire(Retired::Equipment(order.equipment)),
+        _ => {}
     }
 }

@@ -4,16 +4,19 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError, StopRamp};
-use armada_protocol::messages::{CommandMode, FaultCode};
+use armada_protocol::messages::CommandMode;
 use arrayvec::ArrayVec;
 
+use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::Equipment;
 use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
 use super::motion::{End, Motion};
+use super::operational::reduced_limits;
 use super::standstill::Standstill;
 use super::stop::Stop;
+use super::stream::Stream;
 use super::tracking::Tracking;
 use super::verify::Condition;
 
@@ -24,6 +27,8 @@ pub(super) const MAX_FAULTS: usize = 10;
 #[derive(Debug)]
 pub struct LoopState {
     pub(super) limits: MotionLimits,
+    /// Limits at reduced speed; see [`limits_in_force`](Self::limits_in_force).
+    pub(super) reduced: MotionLimits,
     pub(super) seqno: u64,
     /// Changed by [`raise_epoch`](Self::raise_epoch) only.
     pub(super) epoch: u64,
@@ -33,6 +38,7 @@ pub struct LoopState {
     /// Latched faults, oldest first.
     pub(super) faults: ArrayVec<LoopFault, MAX_FAULTS>,
     pub(super) stop: Stop,
+    pub(super) authority: Authority,
     pub(super) controller: Controller,
     pub(super) standstill: Standstill,
     pub(super) tracking: Tracking,
@@ -41,6 +47,7 @@ pub struct LoopState {
     pub(super) hold: JointVector,
     pub(super) ramp: Option<StopRamp>,
     pub(super) motion: Option<Motion>,
+    pub(super) stream: Stream,
     /// Speed of all motions, 0.01 to 1.
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
@@ -113,6 +120,7 @@ impl LoopState {
     /// [`ParamsError::Period`] if the period is zero or longer than the communication timeout.
     pub fn new(params: &Params) -> Result<Self, ParamsError> {
         let limits = MotionLimits::new(&params.limits)?;
+        let reduced = reduced_limits(params)?;
         let expected = limits.len();
         for (field, vector) in [
             ("start_tolerance", &params.start_tolerance),
@@ -130,12 +138,14 @@ impl LoopState {
         }
         Ok(Self {
             limits,
+            reduced,
             seqno: 0,
             epoch: 0,
             mode: CommandMode::InvalidState,
             condition: Condition::default(),
             faults: ArrayVec::new(),
             stop: Stop::default(),
+            authority: Authority::default(),
             controller: Controller::default(),
             standstill: Standstill::default(),
             tracking: Tracking::new(params),
@@ -143,6 +153,7 @@ impl LoopState {
             hold: JointVector::EMPTY,
             ramp: None,
             motion: None,
+            stream: Stream::new(params),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
         })
@@ -152,10 +163,11 @@ impl LoopState {
         Granted { epoch: self.epoch, command_mode: self.mode }
     }
 
-    /// Raises the epoch, which ends the motion of the epoch before.
+    /// Raises the epoch, which ends the motion and the stream of the epoch before.
     pub(super) fn raise_epoch(&mut self, tick: &mut Tick<'_>, end: End) {
         self.epoch += 1;
         self.end_motion(tick, end);
+        self.end_stream(tick);
         self.decelerate(tick);
     }
 
@@ -165,50 +177,10 @@ impl LoopState {
         self.enter(tick, mode);
     }
 
-    /// Latches a fault: the motion fails, the robot decelerates, the mode is invalid.
-    pub(super) fn latch(&mut self, tick: &mut Tick<'_>, fault: LoopFault) {
-        let known = self.faults.iter().any(|latched| latched.code == fault.code);
-        if known || self.faults.try_push(fault).is_err() {
-            return;
-        }
-        tick.event(LoopEvent::FaultLatched(fault));
-        self.raise_epoch(tick, End::Failed(refusal_of(fault.code)));
-        self.enter(tick, CommandMode::InvalidState);
-        self.fail_pending(tick, fault.code);
-    }
-
-    /// Clears all faults; the caller has seen to it that no cause remains.
-    pub(super) fn clear_faults(&mut self, tick: &mut Tick<'_>) {
-        if self.faults.is_empty() {
-            return;
-        }
-        self.faults.clear();
-        tick.event(LoopEvent::FaultsCleared);
-        self.change_mode(tick, CommandMode::Halt, End::Cancelled(Refusal::ModeLeft));
-        self.reseed(tick);
-    }
-
-    /// Why nothing is possible in `invalid_state`.
-    pub(super) fn invalid_because(&self) -> Refusal {
-        match self.faults.first() {
-            _ if self.condition.feedback().is_none() => Refusal::CommunicationLost,
-            Some(fault) => Refusal::Faulted(fault.code),
-            None => Refusal::NotReady,
-        }
-    }
-
     fn enter(&mut self, tick: &mut Tick<'_>, mode: CommandMode) {
         let from = std::mem::replace(&mut self.mode, mode);
         if from != mode {
             tick.event(LoopEvent::Mode { from, to: mode });
         }
-    }
-}
-
-/// What a fault means for whoever wanted to move.
-pub(super) const fn refusal_of(code: FaultCode) -> Refusal {
-    match code {
-        FaultCode::CommunicationLost => Refusal::CommunicationLost,
-        code => Refusal::Faulted(code),
     }
 }

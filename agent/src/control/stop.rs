@@ -109,6 +109,7 @@ impl LoopState {
 
     fn close_gate(&mut self, tick: &mut Tick<'_>, level: StopLevel) {
         self.stop = Stop { level: Some(level), stage: None };
+        self.clear_lease(tick);
         self.standstill.restart();
         self.controller.ask_at_once(DriverRequest::Disable);
         let why = Refusal::Stopped(level);

@@ -1,6 +1,7 @@
 //! What a controller is asked to do besides following set-points, and what it reports of it.
 
 use armada_model::{JointVector, MAX_JOINTS, Pose};
+use serde::{Deserialize, Serialize};
 
 /// Most chains of which a controller may report the tip.
 pub const MAX_REPORTED_TIPS: usize = 2;
@@ -156,7 +157,7 @@ pub enum TipFrame {
 }
 
 /// A set of joints, by their place in the robot's joint order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JointSet(u16);
 
 impl JointSet {

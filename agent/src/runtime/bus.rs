@@ -174,6 +174,18 @@ pub(super) async fn declare_latest(
     Latest::declare(session, name, key.channel, encoding).await.map_err(zenoh_error)
 }
 
+/// The sender of the state at a lower rate \[Hz\].
+pub(super) async fn declare_class(
+    session: &Session,
+    robot: &Robot,
+    rate_hz: u32,
+) -> Result<Latest, AgentError> {
+    let key = &keys::ROBOT_STATE_AT;
+    let name = key.with(&[robot.config.robot.as_str(), &rate_hz.to_string()]);
+    let encoding = robot.config.publish.encoding;
+    Latest::declare(session, name, key.channel, encoding).await.map_err(zenoh_error)
+}
+
 pub(super) async fn declare_cached(
     session: &Session,
     robot: &Robot,

@@ -24,7 +24,7 @@ use super::realtime::{self, RealtimeReport};
 use super::stop_gate::StopGate;
 use super::wake_log::WakeLog;
 use crate::config::RealtimeConfig;
-use crate::control::{Input, LoopState, Output, Params, step};
+use crate::control::{Input, LoopEvent, LoopState, MAX_REQUESTS, Output, Params, Refusal, step};
 use crate::drivers::{Driver, Pacing};
 
 /// Everything the loop thread owns or shares.
@@ -40,6 +40,8 @@ pub(super) struct LoopThread {
     pub(super) realtime: RealtimeConfig,
     /// A sample of the state falls due every so many ticks.
     pub(super) ticks_per_sample: u64,
+    /// The same for each of the classes of lower rates.
+    pub(super) ticks_per_class: Vec<u64>,
     /// Woken when there is something to publish.
     pub(super) publisher: Thread,
     pub(super) shutdown: Arc<AtomicBool>,
@@ -70,8 +72,12 @@ impl LoopThread {
     fn run(&mut self) {
         let Pacing::Every(period) = self.driver.pacing();
         let mut deadline = monotonic() + period;
-        let mut loop_error = false;
-        let mut due = Due { every: self.ticks_per_sample, left: self.ticks_per_sample, count: 0 };
+        let every = self.ticks_per_sample;
+        let mut carry = Carry {
+            loop_error: false,
+            due: Due { every, left: every, count: 0 },
+            asked: ArrayVec::new(),
+        };
         while !self.shutdown.load(Ordering::Relaxed) {
             sleep_until(deadline);
             let woke = monotonic();
@@ -82,10 +88,11 @@ impl LoopThread {
                 log.note(tick, woke);
             }
             // Driver and step alike: a panic in either is a fault of this tick, never a silent end.
-            let guarded = AssertUnwindSafe(|| self.tick(woke, tick, loop_error, &mut due));
-            loop_error = catch_unwind(guarded).is_err();
-            if loop_error {
+            let guarded = AssertUnwindSafe(|| self.tick(woke, tick, &mut carry));
+            carry.loop_error = catch_unwind(guarded).is_err();
+            if carry.loop_error {
                 self.meter.panics.fetch_add(1, Ordering::Relaxed);
+                self.answer_for_failed_step(&mut carry.asked);
             }
             deadline = tick + period;
             if monotonic() > deadline {
@@ -94,26 +101,46 @@ impl LoopThread {
         }
     }
 
-    /// One tick. One that panics leaves its requests unanswered; they time out.
-    fn tick(&mut self, woke: MonoTime, deadline: MonoTime, loop_error: bool, due: &mut Due) {
+    /// One tick. What it was asked stands in `carry` until it has ended.
+    fn tick(&mut self, woke: MonoTime, deadline: MonoTime, carry: &mut Carry) {
         let driver = &mut self.driver;
         self.link.receive(|endpoint, _, bytes| driver.receive(woke, endpoint, bytes));
         let mut input = Input {
             now: deadline,
             feedback: driver.feedback().copied(),
             stop: self.gate.level(),
-            loop_error,
+            loop_error: carry.loop_error,
             requests: ArrayVec::new(),
             stream: ArrayVec::new(),
         };
         while !input.requests.is_full()
             && let Ok(request) = self.mailbox.requests.pop()
         {
+            carry.asked.push(request.ticket);
             input.requests.push(request);
+        }
+        while !input.stream.is_full()
+            && let Ok(sample) = self.mailbox.samples.pop()
+        {
+            input.stream.push(sample);
         }
         let output = step(&self.params, &mut self.state, &mut input);
         self.send(woke, &output);
-        self.report(output, due);
+        self.report(output, &mut carry.due);
+        carry.asked.clear();
+    }
+
+    /// Answers the requests of a step that panicked. One that it had answered or left to wait may
+    /// be answered twice; whoever asked hears the first.
+    fn answer_for_failed_step(&mut self, asked: &mut ArrayVec<u64, MAX_REQUESTS>) {
+        let said = monotonic();
+        for ticket in asked.drain(..) {
+            let event = LoopEvent::Answer { ticket, result: Err(Refusal::StepFailed) };
+            if self.mailbox.events.push((said, event)).is_err() {
+                self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        self.publisher.unpark();
     }
 
     fn send(&mut self, now: MonoTime, output: &Output) {
@@ -125,14 +152,15 @@ impl LoopThread {
             driver.command(now, set_point);
         }
         self.link.transmit(|buffer| driver.poll_transmit(now, buffer));
-        let counters = driver.counters();
-        self.meter.malformed_packets.store(counters.malformed, Ordering::Relaxed);
+        self.meter.note_link(&driver.counters());
     }
 
     fn report(&mut self, output: Output, due: &mut Due) {
         let sample = due.tick();
         let said = monotonic();
-        let something = sample || !output.events.is_empty() || !output.retired.is_empty();
+        let seqno = output.snapshot.seqno;
+        let class = self.ticks_per_class.iter().any(|&ticks| seqno % ticks.max(1) == 0);
+        let something = sample || class || !output.events.is_empty() || !output.retired.is_empty();
         for event in output.events {
             if self.mailbox.events.push((said, event)).is_err() {
                 self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
@@ -151,6 +179,15 @@ impl LoopThread {
             self.publisher.unpark();
         }
     }
+}
+
+/// What goes over from one tick to the next.
+struct Carry {
+    /// Whether the tick before panicked.
+    loop_error: bool,
+    due: Due,
+    /// Tickets of the requests that the tick in progress has taken.
+    asked: ArrayVec<u64, MAX_REQUESTS>,
 }
 
 /// When samples of the state fall due.
@@ -183,7 +220,7 @@ mod tests {
 
     use super::super::mailbox::mailbox;
     use super::*;
-    use crate::control::LoopEvent;
+    use crate::control::{LoopRequest, Order};
     use crate::drivers::{
         Abilities, DriverRequest, Endpoint, Feedback, LinkCounters, SetPoint, Transmit,
     };
@@ -260,6 +297,7 @@ mod tests {
             meter: Arc::clone(&meter),
             realtime: RealtimeConfig { priority: None, cpu: None, lock_memory: false },
             ticks_per_sample: 1,
+            ticks_per_class: Vec::new(),
             publisher: std::thread::current(),
             shutdown: Arc::clone(&shutdown),
             wake_log: None,

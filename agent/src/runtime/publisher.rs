@@ -29,6 +29,15 @@ pub(super) struct Chain {
     pub(super) tip: usize,
 }
 
+/// The state at a lower rate.
+pub(super) struct StateClass {
+    pub(super) sender: Sender,
+    /// It falls due every so many ticks, at ticks whose number they divide.
+    pub(super) ticks_per_sample: u64,
+    /// How often it had fallen due when it was last published.
+    pub(super) published: u64,
+}
+
 /// Everything the publisher thread owns or shares.
 pub(super) struct Publisher {
     pub(super) mailbox: PublisherEnd,
@@ -36,6 +45,7 @@ pub(super) struct Publisher {
     pub(super) desk: mpsc::Sender<StampedEvent>,
     pub(super) state: Sender,
     pub(super) joint_states: Sender,
+    pub(super) classes: Vec<StateClass>,
     pub(super) boot_id: Uuid,
     pub(super) joint_names: Vec<String>,
     pub(super) model: RobotModel,
@@ -59,6 +69,7 @@ impl Publisher {
                 published = latest.due;
                 self.publish(&latest.snapshot);
             }
+            self.publish_classes(&latest.snapshot);
             let before = std::mem::replace(&mut self.board.lock().snapshot, latest.snapshot);
             if condition(&before) != condition(&latest.snapshot) {
                 self.changed.notify_one();
@@ -81,6 +92,27 @@ impl Publisher {
             && let Err(error) = self.joint_states.put(&self.joint_state(&state))
         {
             debug!(%error, "joint states not published");
+        }
+    }
+
+    /// Publishes the state where a lower rate falls due that somebody listens to.
+    fn publish_classes(&mut self, snapshot: &Snapshot) {
+        let mut due = Vec::new();
+        for (index, class) in self.classes.iter_mut().enumerate() {
+            let number = snapshot.seqno / class.ticks_per_sample.max(1);
+            let falls_due = std::mem::replace(&mut class.published, number) != number;
+            if falls_due && class.sender.has_subscribers() {
+                due.push(index);
+            }
+        }
+        if due.is_empty() {
+            return;
+        }
+        let state = self.robot_state(snapshot);
+        for class in due.into_iter().filter_map(|index| self.classes.get(index)) {
+            if let Err(error) = class.sender.put(&state) {
+                debug!(%error, "state not published");
+            }
         }
     }
 

@@ -95,9 +95,22 @@ impl Robot {
         clippy::cast_sign_loss,
         reason = "the ratio of two checked rates is a small positive number"
     )]
+    fn ticks_between(&self, rate_hz: f64) -> u64 {
+        (self.loop_rate_hz() / rate_hz).round().max(1.0) as u64
+    }
+
     pub(super) fn ticks_per_sample(&self) -> u64 {
-        let loop_rate_hz = 1000.0 / self.config.control.period_ms;
-        (loop_rate_hz / self.config.publish.state_rate_hz).round().max(1.0) as u64
+        self.ticks_between(self.config.publish.state_rate_hz)
+    }
+
+    /// The rates at which the state is published besides \[Hz\], and how many ticks lie between two.
+    pub(super) fn state_classes(&self) -> Vec<(u32, u64)> {
+        let rates = self.config.publish.state_classes(self.loop_rate_hz());
+        rates.into_iter().map(|rate| (rate, self.ticks_between(f64::from(rate)))).collect()
+    }
+
+    fn loop_rate_hz(&self) -> f64 {
+        1000.0 / self.config.control.period_ms
     }
 
     pub(super) fn info(&self, boot_id: Uuid) -> RobotInfo {
@@ -120,6 +133,8 @@ impl Robot {
             capabilities: vec![
                 Capability::JogCommand,
                 Capability::TrajectoryCommand,
+                Capability::PositionCommand,
+                Capability::VelocityCommand,
                 Capability::SoftwareResetErrors,
                 Capability::SoftwareEnable,
                 Capability::InterpolatedTrajectory,
@@ -128,7 +143,7 @@ impl Robot {
             flags: RobotFlags::NAMES.map(|(name, bit)| (name.to_owned(), bit.bits())).to_vec(),
             period_ms: self.config.control.period_ms,
             state_rate_hz: self.config.publish.state_rate_hz,
-            state_classes_hz: Vec::new(),
+            state_classes_hz: self.state_classes().into_iter().map(|(rate, _)| rate).collect(),
             urdf: self.urdf.clone(),
         }
     }

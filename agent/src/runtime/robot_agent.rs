@@ -11,7 +11,7 @@ use armada_protocol::keys;
 use armada_protocol::messages::{CommandMode, EventKind, RobotFlags, SchedulingPolicy, Severity};
 use rtrb::Producer;
 use serde_json::Map;
-use tokio::sync::{Notify, mpsc, watch};
+use tokio::sync::{Notify, Semaphore, mpsc, watch};
 use tokio::task::JoinHandle as Task;
 use tracing::{Instrument as _, Span, error, info, info_span, warn};
 use uuid::Uuid;
@@ -26,12 +26,13 @@ use super::link::Link;
 use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
-use super::publisher::Publisher;
+use super::publisher::{Publisher, StateClass};
 use super::realtime::RealtimeReport;
-use super::requests::Requests;
+use super::requests::{MAX_WAITS, Requests};
 use super::robot::Robot;
 use super::stop_gate::StopGate;
 use super::stop_intake::StopIntake;
+use super::stream_intake::StreamIntake;
 use super::threads::Threads;
 use super::wake_log::WakeLog;
 use super::words::Vocabulary;
@@ -56,6 +57,7 @@ pub(super) struct RobotAgent {
     desk: Task<()>,
     span: Span,
     _keys: Keys,
+    _streams: StreamIntake,
 }
 
 impl RobotAgent {
@@ -71,7 +73,7 @@ impl RobotAgent {
         let name = robot.config.robot.clone();
         let span = info_span!("robot", %name);
         let shared = Shared::new(robot)?;
-        let (loop_end, publisher_end, orders) = mailbox(shared.board.lock().snapshot);
+        let (loop_end, publisher_end, clients) = mailbox(shared.board.lock().snapshot);
         let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
         let publisher = shared.publisher(session, robot, publisher_end, to_desk).await?;
         // From here on an error drops the threads, which ends them.
@@ -91,11 +93,24 @@ impl RobotAgent {
         let changed = Arc::clone(&shared.changed);
         let desk = desk.run(Inboxes { loop_events, stops, remarks: remarked, changed });
         let desk = start_task(desk.instrument(span.clone()));
-        let requests = Arc::new(shared.requests(robot, orders, cleared_seen, remarks.clone()));
+        let requests =
+            Arc::new(shared.requests(robot, clients.requests, cleared_seen, remarks.clone()));
+        let streams = StreamIntake::open(session, robot, clients.samples, &shared.board).await;
+        let streams = streams.map_err(bus::zenoh_error)?;
         let keys = bus::open_keys(session, robot, &shared.board, &requests, stop).await?;
         let board = shared.board;
-        let agent =
-            Self { name, requests, board, remarks, realtime, threads, desk, span, _keys: keys };
+        let agent = Self {
+            name,
+            requests,
+            board,
+            remarks,
+            realtime,
+            threads,
+            desk,
+            span,
+            _keys: keys,
+            _streams: streams,
+        };
         agent.remark(EventKind::Started, format!("agent {} started", env!("CARGO_PKG_VERSION")));
         Ok(agent)
     }
@@ -197,12 +212,18 @@ impl Shared {
     ) -> Result<Publisher, AgentError> {
         let encoding = robot.config.publish.encoding;
         let (state, joint_states) = (&keys::ROBOT_STATE, &keys::ROBOT_JOINT_STATES);
+        let mut classes = Vec::new();
+        for (rate_hz, ticks_per_sample) in robot.state_classes() {
+            let sender = bus::declare_class(session, robot, rate_hz).await?;
+            classes.push(StateClass { sender, ticks_per_sample, published: 0 });
+        }
         Ok(Publisher {
             mailbox,
             board: Arc::clone(&self.board),
             desk,
             state: bus::declare_latest(session, robot, state, encoding).await?,
             joint_states: bus::declare_latest(session, robot, joint_states, encoding).await?,
+            classes,
             boot_id: self.boot_id,
             joint_names: robot.joint_names(),
             variables: robot.variables(),
@@ -231,6 +252,7 @@ impl Shared {
             meter: Arc::clone(&self.meter),
             realtime: robot.config.control.realtime,
             ticks_per_sample: robot.ticks_per_sample(),
+            ticks_per_class: robot.state_classes().into_iter().map(|(_, ticks)| ticks).collect(),
             publisher,
             shutdown: Arc::clone(&self.shutdown),
             wake_log: None,
@@ -278,6 +300,7 @@ impl Shared {
             cleared,
             remarks,
             boot_id: self.boot_id,
+            waits: Semaphore::new(MAX_WAITS),
         }
     }
 }

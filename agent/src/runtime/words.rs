@@ -3,11 +3,12 @@
 use armada_model::TrajectoryError;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, StopLevel,
+    ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, OperationalMode,
+    StopLevel,
 };
 use serde_json::Value;
 
-use crate::control::{LoopFault, Refusal};
+use crate::control::{LoopFault, Refusal, clear_by};
 
 /// Who and what the words are about.
 #[derive(Clone, Debug)]
@@ -127,11 +128,7 @@ impl Vocabulary {
                 DenialCode::NotSupported,
                 format!("{} does not have {what}", self.robot),
             ),
-            Refusal::LeaseRequired { remaining_s } => Denial::new(
-                DenialCode::LeaseRequired,
-                format!("{} is driven by somebody else for another {remaining_s:.1} s", self.robot),
-            )
-            .with("remaining_s", remaining_s),
+            Refusal::LeaseRequired { remaining_s } => self.driven_by("somebody else", remaining_s),
             Refusal::LeaseStale => Denial::new(
                 DenialCode::LeaseStale,
                 format!("the lease of {} is not in force any more: acquire it anew", self.robot),
@@ -139,11 +136,19 @@ impl Vocabulary {
             Refusal::LeaseLost => {
                 Denial::new(DenialCode::LeaseStale, format!("{}: the lease ran out", self.robot))
             }
+            Refusal::LeaseTaken => Denial::new(
+                DenialCode::LeaseRequired,
+                format!("{}: somebody acquired the lease", self.robot),
+            ),
             Refusal::OperationalMode(mode) => Denial::new(
                 DenialCode::WrongMode,
-                format!("the key switch of {} stands at {mode:?}, which forbids this", self.robot),
+                format!(
+                    "the key switch of {} stands at {}, which forbids this",
+                    self.robot,
+                    operational_name(mode)
+                ),
             )
-            .with("operational_mode", wire_name(serde_json::to_value(mode))),
+            .with("operational_mode", operational_name(mode)),
             Refusal::OperationalModeChanged => self.ended("the key switch was turned"),
             Refusal::QueueFull { limit } => Denial::new(
                 DenialCode::Busy,
@@ -174,6 +179,14 @@ impl Vocabulary {
                 format!("the controller of {} gave up with error {code}", self.robot),
             )
             .with("code", code),
+            Refusal::StepFailed => Denial::new(
+                DenialCode::Internal,
+                format!(
+                    "the control loop of {} failed in the step that took the request: look \
+                     whether it was done",
+                    self.robot
+                ),
+            ),
             Refusal::ControllerTimeout => Denial::new(
                 DenialCode::Timeout,
                 format!("the controller of {} did not do it in time", self.robot),
@@ -195,6 +208,23 @@ impl Vocabulary {
         .with("needed", name(needed))
     }
 
+    /// The denial of a command while `holder` has the lease for so long \[s\].
+    pub(super) fn driven_by(&self, holder: &str, remaining_s: f64) -> Denial {
+        let robot = &self.robot;
+        let message = if remaining_s > 0.0 {
+            format!("{robot} is driven by {holder} for another {remaining_s:.1} s")
+        } else {
+            format!(
+                "{robot} still moves for {holder}, whose lease has run out: acquire the lease to \
+                 command it"
+            )
+        };
+        let remaining_ms = (remaining_s * 1e3).round();
+        Denial::new(DenialCode::LeaseRequired, message)
+            .with("holder", holder)
+            .with("remaining_ms", remaining_ms)
+    }
+
     /// The denial of motion while a stop is latched.
     pub(super) fn stopped(&self, level: StopLevel) -> Denial {
         Denial::new(
@@ -206,11 +236,9 @@ impl Vocabulary {
 
     fn faulted(&self, code: FaultCode) -> Denial {
         let fault = fault_name(code);
-        Denial::new(
-            DenialCode::Faulted,
-            format!("{} has the fault {fault}: put it right, then reset errors", self.robot),
-        )
-        .with("fault", fault)
+        let remedy = self.remedy(code);
+        Denial::new(DenialCode::Faulted, format!("{} has the fault {fault}: {remedy}", self.robot))
+            .with("fault", fault)
     }
 
     fn out_of_range(&self, joint: usize, value: f64, limit: f64) -> Denial {
@@ -226,6 +254,28 @@ impl Vocabulary {
 
     fn ended(&self, why: &str) -> Denial {
         Denial::new(DenialCode::WrongMode, format!("{}: {why}", self.robot))
+    }
+
+    /// What a person is to do about a fault.
+    pub(super) fn remedy(&self, code: FaultCode) -> String {
+        let cause = match code {
+            FaultCode::CommunicationLost => "see that the controller runs and can be reached",
+            FaultCode::ControllerError => "put right what the controller complains of",
+            FaultCode::FatalError => "put the controller right, or restart it",
+            FaultCode::EmergencyStop => "see that it is safe and release the emergency stop",
+            FaultCode::GuardStop => "see that it is safe and close the safeguard",
+            FaultCode::NotReady => "see why the drives went off",
+            FaultCode::TrackingError | FaultCode::VelocityError => {
+                "see what the robot ran into, or what loads it"
+            }
+            FaultCode::HomingFailed => "see why the controller found no reference",
+            FaultCode::LoopError => "report the defect; restart the agent if it stays",
+        };
+        let command = match clear_by(code) {
+            ClearBy::Halt => "halt",
+            ClearBy::ResetErrors | ClearBy::Controller => "reset-errors",
+        };
+        format!("{cause}, then: armada {command} {}", self.robot)
     }
 
     /// A fault of the loop, in words.
@@ -269,8 +319,8 @@ impl Vocabulary {
             joint: fault.joint.map(|joint| self.joint(joint).to_owned()),
             value: fault.value,
             limit: fault.limit,
-            clear: ClearBy::ResetErrors,
-            remedy: "put the cause right, then reset errors".to_owned(),
+            clear: clear_by(fault.code),
+            remedy: self.remedy(fault.code),
             recording: None,
             since_ns: fault.stamp,
         }
@@ -324,6 +374,11 @@ pub(super) fn wide_tolerance_denial(
 
 /// A mode as it is written on the wire.
 pub(super) fn name(mode: CommandMode) -> String {
+    wire_name(serde_json::to_value(mode))
+}
+
+/// An operational mode as it is written on the wire.
+pub(super) fn operational_name(mode: OperationalMode) -> String {
     wire_name(serde_json::to_value(mode))
 }
 

@@ -77,6 +77,7 @@ impl Handler for CellRequests {
             }
             cell::ExecuteTrajectory::NAME => {
                 call.run::<cell::ExecuteTrajectory, _, _>(async |request| {
+                    refuse_lease(request.lease)?;
                     let ask = |params: armada_protocol::messages::CellExecuteTrajectory| {
                         execute(params.motion_id, params.trajectory)
                     };
@@ -103,6 +104,17 @@ impl Handler for CellRequests {
     fn is_urgent(&self, method: &str) -> bool {
         method == cell::Stop::NAME
     }
+}
+
+/// A lease is of one robot: what drives several would need one of each.
+fn refuse_lease(lease: Option<Uuid>) -> Result<(), Denial> {
+    lease.map_or(Ok(()), |_| {
+        Err(Denial::new(
+            DenialCode::NotSupported,
+            "a lease is of one robot and cannot drive a cell: release it and leave it out",
+        )
+        .with("field", "lease"))
+    })
 }
 
 fn execute(motion_id: Option<Uuid>, trajectory: JointTrajectory) -> CellRequest {

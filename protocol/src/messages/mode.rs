@@ -164,6 +164,12 @@ impl RobotFlags {
         self.0 & other.0 == other.0
     }
 
+    /// The bits that are set in both.
+    #[must_use]
+    pub const fn intersection(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
     /// These bits, and those of `other` if `condition` holds.
     #[must_use]
     pub const fn with(self, other: Self, condition: bool) -> Self {

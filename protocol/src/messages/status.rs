@@ -77,6 +77,9 @@ pub struct StreamStatistics {
     pub taken: u64,
     /// Samples dropped in this epoch.
     pub dropped: u64,
+    /// Samples taken in this epoch of which the limits allow only a part.
+    #[serde(default)]
+    pub limited: u64,
     /// Time since the newest one \[ms\].
     pub age_ms: f64,
     /// Whether the robot decelerates or stands because samples stay away.

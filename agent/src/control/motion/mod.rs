@@ -13,18 +13,25 @@
 
 mod jog;
 mod ramp;
+mod speed;
+mod stream;
 mod trajectory;
+mod twist;
 
 pub(super) use jog::JogMotion;
+pub(super) use speed::SpeedFollower;
+pub(super) use stream::StreamFollower;
 pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
 use armada_model::{JointVector, MonoTime, MotionState};
-use armada_protocol::messages::{ActionStatus, Executor, FaultCode, MotionKind, MotionProgress};
+use armada_protocol::messages::{
+    ActionStatus, Executor, FaultCode, LeaseLoss, MotionKind, MotionProgress,
+};
 use uuid::Uuid;
 
+use super::faults::fault;
 use super::io::{LoopEvent, MotionReport, Refusal, Retired};
 use super::state::{LoopState, Tick};
-use super::verify::fault;
 use crate::drivers::SetPoint;
 
 /// How a motion ends.
@@ -49,6 +56,10 @@ pub(super) struct Motion {
     queued: bool,
     /// Time of its first set-point.
     started: Option<MonoTime>,
+    /// The lease it was begun under, which [`LoopState::take`] writes.
+    pub(super) lease: Option<Uuid>,
+    /// What it does if that lease runs out.
+    pub(super) on_lease_loss: LeaseLoss,
 }
 
 /// What makes the set-points of a motion.
@@ -75,8 +86,17 @@ enum Next {
 }
 
 impl Motion {
+    /// A motion of nobody's lease, to stop if it gets one that runs out.
     pub(super) const fn new(id: Uuid, source: Source) -> Self {
-        Self { id, source, cancelling: false, queued: false, started: None }
+        let on_lease_loss = LeaseLoss::StopOnPath;
+        let (cancelling, queued) = (false, false);
+        Self { id, source, cancelling, queued, started: None, lease: None, on_lease_loss }
+    }
+
+    /// The same with another way to react to the loss of its lease.
+    pub(super) const fn on_lease_loss(mut self, reaction: LeaseLoss) -> Self {
+        self.on_lease_loss = reaction;
+        self
     }
 
     /// Whether it makes the set-points, which it does not while it waits.
@@ -186,7 +206,8 @@ impl LoopState {
             return self.ramp_step();
         }
         let Some(motion) = self.motion.as_mut() else {
-            return Some((self.limiter.toward(&self.hold)?, None));
+            let state = self.stream_step(tick).or_else(|| self.limiter.toward(&self.hold))?;
+            return Some((state, None));
         };
         let next = motion.next(tick);
         motion.announce(tick, &next);

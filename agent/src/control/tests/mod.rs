@@ -1,5 +1,7 @@
 //! Tests of the whole step, on an invented clock and a simulated plant.
 
+mod authority;
+mod authority_model;
 mod controller;
 mod faults;
 mod jog;
@@ -8,4 +10,6 @@ mod modes;
 mod properties;
 mod rig;
 mod stop;
+mod stream;
+mod stream_tracking;
 mod trajectory;

@@ -16,7 +16,7 @@ use uuid::Uuid;
 
 use crate::control::{
     FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
-    MotionReport, Order, Output, Params, Refusal, Retired, step,
+    MAX_SAMPLES, MotionReport, Order, Output, Params, Refusal, Retired, StreamSample, step,
 };
 use crate::drivers::{DriverRequest, Feedback, SetPoint};
 
@@ -236,6 +236,9 @@ pub(super) struct Rig {
     pub(super) retired: Vec<Arc<CompiledTrajectory>>,
     pub(super) commands: Vec<SetPoint>,
     pub(super) last: Option<Output>,
+    /// Samples of streams for the next ticks, and the number of the last.
+    pub(super) samples: Vec<StreamSample>,
+    pub(super) sample_seq: u64,
     requests: Vec<LoopRequest>,
     tickets: u64,
     watch: Watch,
@@ -260,6 +263,8 @@ impl Rig {
             retired: Vec::new(),
             commands: Vec::new(),
             last: None,
+            samples: Vec::new(),
+            sample_seq: 0,
             requests: Vec::new(),
             tickets: 0,
             watch: Watch::default(),
@@ -279,15 +284,27 @@ impl Rig {
 
     /// Hands in an order for the next tick; returns its ticket.
     pub(super) fn order(&mut self, order: Order) -> u64 {
+        self.order_under(None, order)
+    }
+
+    /// As [`Self::order`], under a lease.
+    pub(super) fn order_under(&mut self, lease: Option<Uuid>, order: Order) -> u64 {
         self.tickets += 1;
         self.watch.open.insert(self.tickets);
-        self.requests.push(LoopRequest::new(self.tickets, order));
+        self.requests.push(LoopRequest { lease, ..LoopRequest::new(self.tickets, order) });
         self.tickets
     }
 
     /// Orders and runs one tick; the answer must come in it.
     pub(super) fn ask(&mut self, order: Order) -> Result<Granted, Refusal> {
         let ticket = self.order(order);
+        self.tick();
+        self.answer(ticket).expect("an answer in the same tick")
+    }
+
+    /// As [`Self::ask`], under a lease.
+    pub(super) fn ask_under(&mut self, lease: Uuid, order: Order) -> Result<Granted, Refusal> {
+        let ticket = self.order_under(Some(lease), order);
         self.tick();
         self.answer(ticket).expect("an answer in the same tick")
     }
@@ -342,21 +359,23 @@ impl Rig {
 
     /// The loop wakes after `periods`, the plant having gone on without it.
     pub(super) fn late_tick(&mut self, periods: u32) -> Output {
-        self.now = self.now + PERIOD * periods;
+        self.now = self.now + self.params.period * periods;
         for _ in 1..periods {
             self.plant.go_on();
         }
         let count = self.requests.len().min(MAX_REQUESTS);
+        let waiting = self.samples.len().min(MAX_SAMPLES);
         let mut input = Input {
             now: self.now,
             feedback: self.plant.feedback(self.now),
             stop: self.stop,
             loop_error: self.loop_error,
             requests: self.requests.drain(..count).collect::<ArrayVec<_, MAX_REQUESTS>>(),
-            stream: ArrayVec::new(),
+            stream: self.samples.drain(..waiting).collect::<ArrayVec<_, MAX_SAMPLES>>(),
         };
         let output = step(&self.params, &mut self.state, &mut input);
         assert!(input.requests.is_empty(), "requests were left in the input");
+        assert!(input.stream.is_empty(), "samples were left in the input");
         self.watch.check(&self.params, self.stop, input.feedback.as_ref(), &output);
         self.plant.take(output.command.as_ref(), output.driver_request);
         self.events.extend(output.events.iter().copied());

@@ -30,11 +30,11 @@ impl Requests {
     #[expect(clippy::unused_async, reason = "one form for all methods")]
     pub(super) async fn prepare(
         &self,
-        _: Asker,
+        asker: Asker,
         params: PrepareParams,
     ) -> Result<Prepared, Denial> {
         let trajectory = self.compile(&params.trajectory)?;
-        let epoch = self.check_ready_to_follow(&trajectory)?;
+        let epoch = self.check_ready_to_follow(&asker, &trajectory)?;
         let now = monotonic();
         let motion_id = params.motion_id.unwrap_or_else(Uuid::now_v7);
         let duration_s = trajectory.duration_s();
@@ -97,12 +97,22 @@ impl Requests {
 
     /// Looks at once whether a trajectory could start now; returns the epoch it could start in.
     /// The loop looks again when it starts.
-    fn check_ready_to_follow(&self, trajectory: &CompiledTrajectory) -> Result<u64, Denial> {
+    fn check_ready_to_follow(
+        &self,
+        asker: &Asker,
+        trajectory: &CompiledTrajectory,
+    ) -> Result<u64, Denial> {
         let board = self.board.lock();
         let snapshot = &board.snapshot;
-        let refuse = |refusal| Err(board.vocabulary.denial(&refusal));
+        let refuse = |refusal| Err(board.denial(&refusal));
         if let Some(level) = self.gate.level() {
             return refuse(Refusal::Stopped(level));
+        }
+        if let Some(held) = snapshot.lease.filter(|held| !held.stale)
+            && asker.lease != Some(held.lease)
+        {
+            let left = held.deadline.saturating_since(monotonic());
+            return refuse(Refusal::LeaseRequired { remaining_s: left.as_secs_f64() });
         }
         if let Some(fault) = board.faults.first() {
             return refuse(Refusal::Faulted(fault.code));

@@ -100,6 +100,14 @@ impl AxisMotion {
         motion
     }
 
+    /// The least-time way from `start` to `velocity`, under the limits of acceleration and jerk
+    /// alone; it stays at that velocity.
+    pub(crate) fn to_velocity(start: AxisPoint, velocity: f64, limits: &AxisLimits) -> Self {
+        let mut motion = Self::from_point(start);
+        motion.come_to_velocity(velocity, limits);
+        motion
+    }
+
     /// The least-time stop from `start` that stays inside the position limits, or leaves them
     /// least.
     ///
@@ -233,6 +241,11 @@ impl AxisMotion {
             Some(phase) => phase.start.after((t_s - phase.start_s).max(0.0), phase.jerk),
             None => self.end,
         }
+    }
+
+    /// The point at `t_s` \[s\] of a motion that goes on from its end at the velocity it has there.
+    pub(crate) fn after(&self, t_s: f64) -> AxisPoint {
+        if t_s > self.end_s { self.end.after(t_s - self.end_s, 0.0) } else { self.at(t_s) }
     }
 
     /// Each phase with the point and the time at which it ends.
