@@ -122,6 +122,8 @@ struct Model {
     /// What is asked in this tick, in its order.
     asked: Vec<(u64, Order)>,
     resets: HashSet<u64>,
+    /// Orders to disable that wait for the controller.
+    disables: HashSet<u64>,
     /// Whether something raised the epoch in this tick.
     raised: bool,
     now: MonoTime,
@@ -166,10 +168,11 @@ impl Model {
             match event {
                 LoopEvent::Answer { ticket, result } => {
                     // Those before it were not answered, so they wait for the controller.
-                    while let Some((_, order)) = asked.next_if(|(asked, _)| asked < ticket) {
-                        self.waits(&order);
+                    while let Some((ticket, order)) = asked.next_if(|(asked, _)| asked < ticket) {
+                        self.waits(ticket, &order);
                     }
                     self.resets.remove(ticket);
+                    self.disables.remove(ticket);
                     if let Some((_, order)) = asked.next_if(|(asked, _)| asked == ticket) {
                         self.answered(&order, *result);
                     }
@@ -182,14 +185,17 @@ impl Model {
                 _ => {}
             }
         }
-        for (_, order) in asked {
-            self.waits(&order);
+        for (ticket, order) in asked {
+            self.waits(ticket, &order);
         }
     }
 
-    fn waits(&mut self, order: &Order) {
+    fn waits(&mut self, ticket: u64, order: &Order) {
         match order {
-            Order::Disable => self.disabled(),
+            Order::Disable => {
+                self.disables.insert(ticket);
+                self.disabled();
+            }
             Order::Enable | Order::ResetErrors => {}
             _ => panic!("{order:?} was not answered"),
         }
@@ -214,8 +220,8 @@ impl Model {
         match order {
             Order::SetMode(wanted) => {
                 let expected = self.expect(*wanted);
-                let passing = [Err(Refusal::StillMoving), Err(Refusal::Disabled)];
-                if expected.is_ok() && is_motion(*wanted) && passing.contains(&result) {
+                let passing = result == Err(Refusal::StillMoving);
+                if expected.is_ok() && is_motion(*wanted) && passing {
                     return;
                 }
                 assert_eq!(result.map(|_| ()), expected, "{order:?} in {:?}", self.mode);
@@ -266,6 +272,7 @@ impl Model {
             return Ok(());
         }
         match self.mode {
+            Halt if !self.disables.is_empty() => Err(Refusal::Disabled),
             Halt if self.world.serves(wanted) => Ok(()),
             Halt if !self.world.enabled => Err(Refusal::NotEnabled),
             Halt => Err(Refusal::NotReady),
@@ -293,6 +300,7 @@ impl Story {
             key: OperationalMode::Cobot,
             asked: Vec::new(),
             resets: HashSet::new(),
+            disables: HashSet::new(),
             raised: false,
             now: rig.now,
             world: World::default(),
