@@ -9,7 +9,7 @@ use armada_protocol::messages::{
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-use super::rig::{Rig, jog, params};
+use super::rig::{Plant, Rig, jog, params};
 use crate::control::{Granted, LoopEvent, MAX_REQUESTS, Order, Params, Refusal, clear_by};
 
 use CommandMode::{Halt, Homing, InvalidState};
@@ -91,6 +91,19 @@ struct World {
 }
 
 impl World {
+    /// What the controller reports at its next tick.
+    fn reported(plant: &Plant) -> Self {
+        Self {
+            enabled: plant.enabled,
+            ready: plant.ready,
+            emergency_stop: plant.emergency_stop,
+            guard_stop: plant.guard_stop,
+            error: plant.error_code != 0,
+            key: plant.operational_mode,
+            ..Self::default()
+        }
+    }
+
     /// Everything that is wrong now.
     fn causes(&self) -> impl Iterator<Item = FaultCode> {
         [
@@ -305,7 +318,8 @@ impl Story {
             now: rig.now,
             world: World::default(),
         };
-        Self { rig, model, world: World::default(), told: Halt }
+        let world = World::reported(&rig.plant);
+        Self { rig, model, world, told: Halt }
     }
 
     fn play(&mut self, act: &Act) {
@@ -353,15 +367,7 @@ impl Story {
         let epoch = self.rig.epoch();
         let plant = &self.rig.plant;
         if !plant.silent {
-            self.world = World {
-                enabled: plant.enabled,
-                ready: plant.ready,
-                emergency_stop: plant.emergency_stop,
-                guard_stop: plant.guard_stop,
-                error: plant.error_code != 0,
-                key: plant.operational_mode,
-                ..World::default()
-            };
+            self.world = World::reported(plant);
         }
         let output = self.rig.late_tick(periods);
         let snapshot = output.snapshot;
