@@ -284,7 +284,11 @@ mod tests {
         let mut state = LoopState::new(&params).expect("valid parameters");
         let mut input = Input::at(monotonic());
         let first = step(&params, &mut state, &mut input).snapshot;
-        let (loop_end, mut publisher, _requests) = mailbox(first);
+        let (loop_end, mut publisher, mut requests) = mailbox(first);
+        // The first tick takes eight, the second eight, and the third panics with the rest.
+        for ticket in 1..=20 {
+            requests.push(LoopRequest::new(ticket, Order::Halt)).expect("room");
+        }
         let (meter, shutdown) = (Arc::<Meter>::default(), Arc::<AtomicBool>::default());
         let running = LoopThread {
             name: "defective".to_owned(),
@@ -304,18 +308,24 @@ mod tests {
         };
         let running = running.start().expect("a thread");
         let deadline = monotonic() + Duration::from_secs(10);
-        let mut fault = None;
-        while fault.is_none() && monotonic() < deadline {
+        let (mut fault, mut answers) = (None, Vec::new());
+        while (fault.is_none() || answers.len() < 20) && monotonic() < deadline {
             std::thread::park_timeout(PERIOD);
             while let Ok((_, event)) = publisher.events.pop() {
-                if let LoopEvent::FaultLatched(latched) = event {
-                    fault = Some(latched.code);
+                match event {
+                    LoopEvent::FaultLatched(latched) => fault = Some(latched.code),
+                    LoopEvent::Answer { ticket, result } => answers.push((ticket, result)),
+                    _ => {}
                 }
             }
         }
         shutdown.store(true, Ordering::Relaxed);
         running.thread.join().expect("the loop ends in order");
         assert_eq!(fault, Some(FaultCode::LoopError));
+        for (at, (ticket, result)) in (1..).zip(answers) {
+            let why = if at > 16 { Refusal::StepFailed } else { Refusal::CommunicationLost };
+            assert_eq!((ticket, result), (at, Err(why)), "in their order, none left out");
+        }
         assert_eq!(meter.panics.load(Ordering::Relaxed), 1);
         assert!(meter.ticks.load(Ordering::Relaxed) > 3);
     }

@@ -390,3 +390,6 @@ pub(super) fn fault_name(code: FaultCode) -> String {
 fn wire_name(value: serde_json::Result<Value>) -> String {
     value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests;

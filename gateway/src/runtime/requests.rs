@@ -141,3 +141,16 @@ fn cancelled(answer: CellAnswer) -> Result<Empty, Denial> {
 fn confused() -> Denial {
     Denial::new(DenialCode::Internal, "the answer is to another request")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lease_does_not_drive_a_cell() {
+        assert_eq!(refuse_lease(None), Ok(()));
+        let denial = refuse_lease(Some(Uuid::nil())).expect_err("refused");
+        assert_eq!(denial.code, DenialCode::NotSupported);
+        assert_eq!(denial.details["field"], "lease");
+    }
+}

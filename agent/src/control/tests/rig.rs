@@ -9,7 +9,7 @@ use armada_model::{
     TrajectoryOptions, Waypoint,
 };
 use armada_protocol::messages::{
-    ActionStatus, CommandMode, FaultCode, OperationalMode, StopLevel, StopStage,
+    ActionStatus, CommandMode, FaultCode, OperationalMode, RobotFlags, StopLevel, StopStage,
 };
 use arrayvec::ArrayVec;
 use uuid::Uuid;
@@ -18,7 +18,7 @@ use crate::control::{
     FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
     MAX_SAMPLES, MotionReport, Order, Output, Params, Refusal, Retired, StreamSample, step,
 };
-use crate::drivers::{DriverRequest, Feedback, SetPoint};
+use crate::drivers::{DriverRequest, Feedback, JointSet, SetPoint};
 
 pub(super) const PERIOD: Duration = Duration::from_millis(4);
 pub(super) const JOINTS: usize = 3;
@@ -90,6 +90,13 @@ pub(super) struct Plant {
     pub(super) ready: bool,
     pub(super) emergency_stop: bool,
     pub(super) error_code: u32,
+    pub(super) guard_stop: bool,
+    pub(super) conditions: RobotFlags,
+    pub(super) operational_mode: OperationalMode,
+    /// Joints that know their reference.
+    pub(super) homed: JointSet,
+    /// Joints that search it.
+    pub(super) homing: JointSet,
     /// Ticks until a request has an effect; never if `None`.
     pub(super) obeys_after: Option<u32>,
     obeying: Vec<(u32, DriverRequest)>,
@@ -116,6 +123,11 @@ impl Plant {
             ready: true,
             emergency_stop: false,
             error_code: 0,
+            guard_stop: false,
+            conditions: RobotFlags::NONE,
+            operational_mode: OperationalMode::Cobot,
+            homed: JointSet::first(JOINTS),
+            homing: JointSet::NONE,
             obeys_after: Some(5),
             obeying: Vec::new(),
             silent: false,
@@ -130,6 +142,7 @@ impl Plant {
     /// Takes back everything that went wrong, but for what needs a request.
     pub(super) fn recover(&mut self) {
         (self.emergency_stop, self.silent, self.blocked) = (false, false, false);
+        (self.guard_stop, self.conditions) = (false, RobotFlags::NONE);
         (self.obeys_after, self.creep) = (Some(5), 0.0);
         self.obeying.clear();
         self.ready = self.enabled;
@@ -147,7 +160,11 @@ impl Plant {
                 ready: self.ready,
                 emergency_stop: self.emergency_stop,
                 error_code: self.error_code,
-                operational_mode: OperationalMode::Cobot,
+                operational_mode: self.operational_mode,
+                guard_stop: self.guard_stop,
+                conditions: self.conditions,
+                homed: self.homed,
+                homing: self.homing,
                 ..Feedback::of(now, self.position)
             });
         }
