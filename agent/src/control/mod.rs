@@ -29,6 +29,7 @@
 mod controller;
 mod equipment;
 mod io;
+mod jogging;
 mod limit;
 mod mode;
 mod motion;
