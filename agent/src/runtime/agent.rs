@@ -335,6 +335,7 @@ impl Shared {
             limits: robot.limits,
             joint_names: robot.joint_names(),
             joint_types: robot.joint_types(),
+            chain_names: robot.chain_names(),
             orders: Mutex::new(orders),
             prepared: Mutex::default(),
             waits: Semaphore::new(MAX_WAITS),
