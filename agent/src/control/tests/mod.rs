@@ -4,6 +4,7 @@ mod controller;
 mod faults;
 mod home;
 mod jog;
+mod jog_cartesian;
 mod jog_joint;
 mod limiter;
 mod modes;
