@@ -13,15 +13,18 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_agent::control::{
-    FollowOrder, Input, JogOrder, LoopRequest, LoopState, Order, Output, Params, StreamSample,
-    StreamValues, step,
+    Equipment, EquippedChain, FollowOrder, HomeOrder, Input, JogCartesianOrder, JogJointOrder,
+    JogOrder, LoopAbilities, LoopRequest, LoopState, MAX_CHAINS, Order, Output, Params,
+    StreamSample, StreamValues, TwistTarget, step,
 };
 use armada_agent::drivers::{DriverRequest, Feedback, JointSet};
 use armada_model::{
-    CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MonoTime, MotionLimits,
-    TrajectoryOptions, Waypoint,
+    Chain, CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MAX_JOINTS, MonoTime,
+    MotionLimits, Pose, RobotModel, TrajectoryOptions, Twist, Waypoint,
 };
-use armada_protocol::messages::{CommandMode, OperationalMode, StopLevel, StreamHeader};
+use armada_protocol::messages::{
+    CommandMode, HomeMethod, JogFrame, OperationalMode, StopLevel, StreamHeader,
+};
 use arrayvec::ArrayVec;
 use uuid::Uuid;
 
@@ -82,8 +85,24 @@ fn params() -> Params {
         tracking_lag: PERIOD,
         request_timeout: Duration::from_millis(200),
         enable_on_start: true,
+        home: vec![Some(0.1); JOINTS],
+        abilities: LoopAbilities { homing: true, ..LoopAbilities::default() },
+        equipment: Arc::new(equipment()),
         ..Params::for_joints(vec![joint; JOINTS], PERIOD).expect("few joints")
     }
+}
+
+/// The chain of the seven-axis arm of the project.
+fn equipment() -> Equipment {
+    let text = include_str!("../../config/robots/seven_axis_arm.urdf");
+    let model = RobotModel::from_urdf(text, "arm.urdf").expect("a robot description");
+    let chain = EquippedChain {
+        chain: Chain::new(&model, "base_link", "tool0").expect("a chain"),
+        tcp: Pose::from_translation(0.0, 0.0, 0.1),
+        base_in_world: Pose::default(),
+        joints: (0..JOINTS).collect(),
+    };
+    Equipment { config_seqno: 1, chains: vec![chain] }
 }
 
 fn trajectory(from: f64, to: f64) -> Arc<CompiledTrajectory> {
@@ -184,6 +203,10 @@ impl Rig {
             Some(DriverRequest::Enable) => (feedback.enabled, feedback.ready) = (true, true),
             Some(DriverRequest::Disable) => (feedback.enabled, feedback.ready) = (false, false),
             Some(DriverRequest::ResetErrors) => feedback.error_code = 0,
+            Some(DriverRequest::Home(joints)) => {
+                (feedback.homing, feedback.homed) = (joints, JointSet::NONE);
+            }
+            Some(DriverRequest::StopMotion) => feedback.homing = JointSet::NONE,
             // Not among the abilities of this controller.
             Some(_) | None => {}
         }
@@ -211,6 +234,29 @@ impl Rig {
 fn jog(id: u128, goal: f64) -> Order {
     let (joint_position, max_velocity) = (all(goal), all(1.5));
     Order::Jog(JogOrder { id: Uuid::from_u128(id), joint_position, max_velocity })
+}
+
+fn jog_joint(id: u128, speed: f64) -> Order {
+    Order::JogJoint(JogJointOrder {
+        id: Uuid::from_u128(id),
+        joint_velocity: all(speed),
+        timeout: Duration::from_millis(300),
+        renews: false,
+    })
+}
+
+fn jog_tool(id: u128, speed: f64, frame: JogFrame) -> Order {
+    let linear = nalgebra::Vector3::new(speed, 0.5 * speed, -speed);
+    let mut twists = [None; MAX_CHAINS];
+    twists[0] = Some(TwistTarget { chain: 0, twist: Twist::new(linear, linear), frame });
+    let (id, timeout) = (Uuid::from_u128(id), Duration::from_millis(500));
+    Order::JogCartesian(JogCartesianOrder { id, twists, timeout, renews: false })
+}
+
+fn home(id: u128, method: HomeMethod) -> Order {
+    let mut groups = [JointSet::NONE; MAX_JOINTS];
+    (groups[0], groups[1]) = (JointSet::first(3), JointSet::NONE.with(5));
+    Order::Home(HomeOrder { id: Uuid::from_u128(id), groups, method })
 }
 
 fn follow(id: u128, trajectory: &Arc<CompiledTrajectory>, start: Option<MonoTime>) -> Order {
@@ -251,6 +297,55 @@ fn jogs_their_change_of_goal_and_their_cancel_allocate_nothing() {
     assert!(moving.command.is_some_and(|command| command.joint_velocity[0] != 0.0));
     rig.ticks(2000);
     rig.expect_mode(CommandMode::Jog);
+}
+
+#[test]
+fn jogs_at_a_speed_into_limits_and_singularities_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Jog), jog_joint(1, 1.0)]);
+    for _ in 0..20 {
+        rig.tick([jog_joint(1, 1.5), jog_joint(2, 9.0)]);
+        rig.ticks(200);
+    }
+    rig.tick([jog(3, 0.5)]);
+    rig.ticks(3000);
+    // At 0.5 each and at 0, where the arm is stretched.
+    for (id, frame) in [(4, JogFrame::Base), (5, JogFrame::Tool), (6, JogFrame::World)] {
+        for speed in [0.1, 2.0, -2.0] {
+            rig.tick([jog_tool(id, speed, frame)]);
+            rig.ticks(400);
+        }
+    }
+    rig.tick([jog(7, 0.0)]);
+    rig.ticks(5000);
+    rig.tick([jog_tool(8, 0.5, JogFrame::Base)]);
+    rig.ticks(2000);
+    rig.expect_mode(CommandMode::Jog);
+}
+
+#[test]
+fn homing_both_ways_and_its_ends_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Homing), home(1, HomeMethod::Controller)]);
+    rig.ticks(100);
+    for _ in 0..2 {
+        let feedback = rig.feedback.as_mut().expect("heard");
+        (feedback.homed, feedback.homing) = (JointSet::first(JOINTS), JointSet::NONE);
+        rig.ticks(100);
+    }
+    rig.tick([home(2, HomeMethod::MoveToHome)]);
+    rig.ticks(2000);
+    rig.tick([home(3, HomeMethod::Controller)]);
+    rig.ticks(10);
+    rig.tick([Order::Cancel(Uuid::from_u128(3))]);
+    rig.ticks(500);
+    rig.tick([home(4, HomeMethod::Controller)]);
+    rig.ticks(10);
+    rig.tick([Order::Halt]);
+    rig.ticks(500);
+    rig.expect_mode(CommandMode::Halt);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use armada_protocol::codec::WireEncoding;
+use armada_protocol::messages::OperationalMode;
 use serde::Deserialize;
 use serde::de::Deserializer;
 
@@ -43,6 +44,12 @@ pub struct ControlConfig {
     /// Highest age of the state that a sample of a stream was made for \[ms\], 20 to 1000; default
     /// 100. Clients need states that often: see `publish.state_rate_hz`.
     pub stream_max_age_ms: f64,
+    /// How long the controller may search the references of one group of joints \[ms\], 100 to
+    /// 600000; default 60000.
+    pub homing_timeout_ms: f64,
+    /// The operational mode of a controller that reports none; by default it is not known, which
+    /// is as restricted as `manual_reduced_speed`.
+    pub operational_mode: OperationalMode,
     /// Whether drives are switched on when the controller first answers; default false, and
     /// nothing else for a real robot.
     pub enable_on_start: bool,
@@ -109,6 +116,8 @@ impl Default for ControlConfig {
             request_timeout_ms: 5000.0,
             stream_timeout_ms: 40.0,
             stream_max_age_ms: 100.0,
+            homing_timeout_ms: 60_000.0,
+            operational_mode: OperationalMode::Undefined,
             enable_on_start: false,
             realtime: RealtimeConfig::default(),
         }
@@ -149,6 +158,7 @@ impl ControlConfig {
         check_range("request_timeout_ms", self.request_timeout_ms, 100.0..=7e3)?;
         check_range("stream_timeout_ms", self.stream_timeout_ms, 8.0..=200.0)?;
         check_range("stream_max_age_ms", self.stream_max_age_ms, 20.0..=1e3)?;
+        check_range("homing_timeout_ms", self.homing_timeout_ms, 100.0..=6e5)?;
         match self.realtime.priority {
             Some(priority) => check_range("realtime.priority", f64::from(priority), 1.0..=99.0),
             None => Ok(()),

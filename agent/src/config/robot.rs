@@ -63,6 +63,8 @@ impl RobotConfig {
             stream_timeout: millis(control.stream_timeout_ms),
             stream_max_age: millis(control.stream_max_age_ms),
             enable_on_start: control.enable_on_start,
+            homing_timeout: millis(control.homing_timeout_ms),
+            operational_mode: control.operational_mode,
             reduced: joints.iter().map(|joint| joint.reduced).collect(),
             home: joints.iter().map(|joint| joint.home).collect(),
             ..common

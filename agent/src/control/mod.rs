@@ -32,6 +32,7 @@ mod equipment;
 mod faults;
 mod flags;
 mod io;
+mod jogging;
 mod limit;
 mod mode;
 mod motion;

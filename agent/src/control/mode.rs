@@ -62,7 +62,12 @@ impl LoopState {
         if self.mode != CommandMode::Halt {
             return Err(Refusal::ThroughHalt { mode: self.mode, wanted });
         }
-        self.check_movable(wanted)?;
+        if wanted == CommandMode::Homing {
+            // A controller that has to home first may take no set-points before.
+            self.check_homable()?;
+        } else {
+            self.check_movable(wanted)?;
+        }
         self.change_mode(tick, wanted, End::Cancelled(Refusal::ModeLeft));
         Ok(())
     }

@@ -12,7 +12,7 @@ use super::controller::Controller;
 use super::equipment::Equipment;
 use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
-use super::motion::{End, Motion};
+use super::motion::{End, Motion, OwnMotion};
 use super::operational::reduced_limits;
 use super::standstill::Standstill;
 use super::stop::Stop;
@@ -48,6 +48,8 @@ pub struct LoopState {
     pub(super) ramp: Option<StopRamp>,
     pub(super) motion: Option<Motion>,
     pub(super) stream: Stream,
+    /// What the controller is told about motions that it makes itself.
+    pub(super) own_motion: OwnMotion,
     /// Speed of all motions, 0.01 to 1.
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
@@ -154,6 +156,7 @@ impl LoopState {
             ramp: None,
             motion: None,
             stream: Stream::new(params),
+            own_motion: OwnMotion::default(),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
         })

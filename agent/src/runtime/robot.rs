@@ -70,6 +70,10 @@ impl Robot {
         self.joints.iter().map(|joint| joint.joint_type).collect()
     }
 
+    pub(super) fn chain_names(&self) -> Vec<String> {
+        self.chains.iter().map(|chain| chain.name.clone()).collect()
+    }
+
     pub(super) fn variables(&self) -> Vec<usize> {
         self.joints.iter().filter_map(|joint| self.model.variable_index(&joint.name)).collect()
     }

@@ -30,6 +30,27 @@ impl SpeedFollower {
         self.state
     }
 
+    /// As [`tick`](Self::tick), but the joints of each group as one body: they change their
+    /// velocities in proportion, and what limits one holds up its group; see
+    /// [`OnlineState::toward_velocity_together`]. Joints of no group are by themselves.
+    pub(in crate::control) fn tick_together<'a>(
+        &mut self,
+        target: &JointVector,
+        groups: impl Iterator<Item = &'a [usize]>,
+        limits: &MotionLimits,
+        period_s: f64,
+    ) -> OnlineState {
+        let before = self.state;
+        self.state = before.toward_velocity(target, limits, period_s);
+        for group in groups {
+            let next = before.toward_velocity_together(target, group, limits, period_s);
+            for &joint in group {
+                copy_joint(&mut self.state, &next, joint);
+            }
+        }
+        self.state
+    }
+
     /// The state of the last tick.
     pub(in crate::control) const fn state(&self) -> &OnlineState {
         &self.state
@@ -38,5 +59,18 @@ impl SpeedFollower {
     /// Whether no joint has a velocity or an acceleration.
     pub(in crate::control) fn is_at_rest(&self) -> bool {
         self.state.is_at_rest()
+    }
+}
+
+fn copy_joint(to: &mut OnlineState, from: &OnlineState, joint: usize) {
+    let vectors = [
+        (&mut to.position, &from.position),
+        (&mut to.velocity, &from.velocity),
+        (&mut to.acceleration, &from.acceleration),
+    ];
+    for (to, from) in vectors {
+        if let (Some(to), Some(from)) = (to.get_mut(joint), from.get(joint)) {
+            *to = *from;
+        }
     }
 }

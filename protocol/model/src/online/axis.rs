@@ -108,6 +108,24 @@ impl AxisMotion {
         motion
     }
 
+    /// How long [`to_velocity`](Self::to_velocity) takes \[s\].
+    pub(crate) fn time_to_velocity(start: AxisPoint, velocity: f64, limits: &AxisLimits) -> f64 {
+        let (a_max, jerk) = (limits.acceleration, limits.jerk);
+        let down_s = ((start.acceleration.abs() - a_max) / jerk).max(0.0);
+        let AxisPoint { velocity: v, acceleration: a, .. } =
+            start.after(down_s, -start.acceleration.signum() * jerk);
+        let gain = velocity - v;
+        let sign = (gain - a * a.abs() / (2.0 * jerk)).signum();
+        let peak = (jerk * sign * gain + 0.5 * a * a).max(0.0).sqrt();
+        let flat_s = if peak >= a_max {
+            (sign * gain - (2.0 * a_max * a_max - a * a) / (2.0 * jerk)) / a_max
+        } else {
+            0.0
+        };
+        let peak = peak.min(a_max);
+        down_s + (peak - sign * a).max(0.0) / jerk + flat_s.max(0.0) + peak / jerk
+    }
+
     /// The least-time stop from `start` that stays inside the position limits, or leaves them
     /// least.
     ///

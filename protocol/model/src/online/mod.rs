@@ -26,6 +26,7 @@ mod retargeter;
 mod ruckig;
 mod speed;
 mod stop;
+mod together;
 
 #[cfg(test)]
 mod tests;
