@@ -13,4 +13,5 @@
 pub mod config;
 pub mod control;
 pub mod drivers;
+pub mod equipment;
 pub mod runtime;

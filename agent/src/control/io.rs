@@ -15,6 +15,7 @@ use arrayvec::ArrayVec;
 use uuid::Uuid;
 
 use super::equipment::{Equipment, MAX_CHAINS};
+use super::values::ValueSlot;
 use crate::drivers::{
     DelegatedMove, DriverRequest, Feedback, JointSet, LoadSetting, MAX_PARAMETERS,
     MAX_REPORTED_TIPS, MAX_SIGNAL_VALUES, ReportedTip, SetPoint, Values,
@@ -66,6 +67,10 @@ pub struct Params {
     pub abilities: LoopAbilities,
     /// The chains with their tools at the start.
     pub equipment: Arc<Equipment>,
+    /// Where the feedback shows each signal of the controller.
+    pub signals: Vec<ValueSlot>,
+    /// Where the feedback shows each parameter of the controller.
+    pub parameters: Vec<ValueSlot>,
     /// Silence of a stream after which the robot decelerates.
     pub stream_timeout: Duration,
     /// Highest age of the state that a sample of a stream was made for.
@@ -103,6 +108,8 @@ impl Params {
             operational_mode: OperationalMode::Undefined,
             abilities: LoopAbilities::default(),
             equipment: Arc::default(),
+            signals: Vec::new(),
+            parameters: Vec::new(),
             stream_timeout: Duration::from_millis(40),
             stream_max_age: Duration::from_millis(100),
         })
@@ -335,6 +342,8 @@ pub struct DelegateOrder {
 pub struct EquipmentOrder {
     /// The chains with them.
     pub equipment: Arc<Equipment>,
+    /// Revision that they were made from, which must still be in force.
+    pub replaces: u64,
     /// The chain whose load changed, and the load that the controller is to be told.
     pub load: Option<(u8, LoadSetting)>,
 }
@@ -746,4 +755,13 @@ pub enum Refusal {
     },
     /// The controller did not do it in time.
     ControllerTimeout,
+    /// Tools or payloads were changed meanwhile.
+    EquipmentChanged {
+        /// Revision that the change was made from.
+        given: u64,
+        /// Revision in force.
+        current: u64,
+    },
+    /// Another request of the same kind took its place.
+    Superseded,
 }

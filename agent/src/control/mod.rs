@@ -38,12 +38,13 @@ mod state;
 mod step;
 mod stop;
 mod tracking;
+mod values;
 mod verify;
 
 #[cfg(test)]
 mod tests;
 
-pub use equipment::{Equipment, EquippedChain, MAX_CHAINS};
+pub use equipment::{Equipment, EquippedChain, EquippedChainError, MAX_CHAINS, TipState};
 pub use io::{
     DelegateOrder, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder, Input,
     JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities, LoopEvent,
@@ -53,3 +54,4 @@ pub use io::{
 };
 pub use state::{LoopState, ParamsError};
 pub use step::step;
+pub use values::ValueSlot;

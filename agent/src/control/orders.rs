@@ -7,7 +7,8 @@ use uuid::Uuid;
 use super::io::{FollowOrder, JogOrder, LoopRequest, Order, Refusal, Retired};
 use super::motion::{End, JogMotion, Motion, Source, StartPoint, TrajectoryMotion};
 use super::state::{LoopState, Tick};
-use crate::drivers::DriverRequest;
+use super::values::{ValueOrder, ValuePlace};
+use crate::drivers::{DriverRequest, Values};
 
 /// What becomes of a request that is not refused.
 enum Verdict {
@@ -38,12 +39,17 @@ impl LoopState {
             Order::Delegate(_) => Err(Refusal::NotSupported("delegated moves")),
             Order::Pause(_) | Order::Resume(_) => Err(Refusal::NotSupported("pauses")),
             Order::SetSpeedRatio(_) => Err(Refusal::NotSupported("speed ratios")),
-            Order::SetEquipment(order) => {
-                tick.retire(Retired::Equipment(order.equipment));
-                Err(Refusal::NotSupported("tools"))
+            Order::SetEquipment(order) => self.set_equipment(tick, order).map(granted),
+            Order::SetSignal { signal, values, restricted } => {
+                let place = ValuePlace::Signal(signal);
+                let order = ValueOrder { place, values, restricted };
+                self.set_value(tick, ticket, order).map(|()| Verdict::Waiting)
             }
-            Order::SetSignal { .. } | Order::SetParameter { .. } => {
-                Err(Refusal::NotSupported("signals and parameters"))
+            Order::SetParameter { parameter, value, restricted } => {
+                let place = ValuePlace::Parameter(parameter);
+                let values = Values::from_slice(&[value]).unwrap_or_default();
+                let order = ValueOrder { place, values, restricted };
+                self.set_value(tick, ticket, order).map(|()| Verdict::Waiting)
             }
         };
         match verdict {

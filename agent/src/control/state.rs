@@ -8,13 +8,14 @@ use armada_protocol::messages::{CommandMode, FaultCode};
 use arrayvec::ArrayVec;
 
 use super::controller::Controller;
-use super::equipment::Equipment;
+use super::equipment::{Equipment, OwedLoads};
 use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
 use super::motion::{End, Motion};
 use super::standstill::Standstill;
 use super::stop::Stop;
 use super::tracking::Tracking;
+use super::values::PendingValues;
 use super::verify::Condition;
 
 /// Most faults that can be latched: one of each kind.
@@ -45,6 +46,8 @@ pub struct LoopState {
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
     pub(super) equipment: Arc<Equipment>,
+    pub(super) owed_loads: OwedLoads,
+    pub(super) values: PendingValues,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -145,6 +148,8 @@ impl LoopState {
             motion: None,
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
+            owed_loads: OwedLoads::ALL,
+            values: PendingValues::default(),
         })
     }
 

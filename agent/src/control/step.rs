@@ -35,6 +35,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     tick.output.driver_request = state.controller_request(&tick);
     state.climb(&mut tick);
     state.answer_pending(&mut tick);
+    state.answer_values(&mut tick);
     output.snapshot = state.snapshot(params, now, output.command.as_ref());
     output
 }
