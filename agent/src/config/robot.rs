@@ -1,11 +1,12 @@
 //! A robot file together with the robot description it names.
 
 use std::num::NonZeroU64;
+use std::sync::Arc;
 
 use armada_model::{JointType, JointVector, PositionSource, RobotModel};
 use armada_protocol::messages::{ChainInfo, JointInfo};
 
-use super::{ConfigError, JointConfig, Problem, RobotConfig, millis};
+use super::{ChainConfig, ConfigError, JointConfig, Problem, RobotConfig, millis};
 use crate::control::Params;
 use crate::drivers::DriverSetup;
 
@@ -32,10 +33,10 @@ impl RobotConfig {
     /// not carry its tip.
     pub fn chain_infos(&self, model: &RobotModel) -> Result<Vec<ChainInfo>, ConfigError> {
         for (index, chain) in self.chains.iter().enumerate() {
-            check_chain(chain, model)
+            check_chain(&chain.info(), model)
                 .map_err(|problem| self.error(problem.under(&index.to_string()).under("chains")))?;
         }
-        Ok(self.chains.clone())
+        Ok(self.chains.iter().map(ChainConfig::info).collect())
     }
 
     /// What the control loop is told of the robot.
@@ -63,6 +64,7 @@ impl RobotConfig {
             enable_on_start: control.enable_on_start,
             reduced: joints.iter().map(|joint| joint.reduced).collect(),
             home: joints.iter().map(|joint| joint.home).collect(),
+            equipment: Arc::new(self.equipment(model)?.for_loop()),
             ..common
         })
     }

@@ -94,7 +94,8 @@ impl EquippedChain {
                 joint: variable.name.clone(),
             })?);
         }
-        let limits = driven.iter().filter_map(|&joint| joints.get(joint)).map(|(_, limits)| *limits);
+        let limits =
+            driven.iter().filter_map(|&joint| joints.get(joint)).map(|(_, limits)| *limits);
         let chain = chain.with_limits(&limits.collect::<Vec<_>>());
         let load = LoadSetting::default();
         Ok(Self { chain, tcp: Pose::default(), base_in_world, joints: driven, load })
@@ -135,8 +136,7 @@ impl EquippedChain {
         velocity: &JointVector,
     ) -> Result<TipState, KinematicsError> {
         let (X_BF, jacobian) = self.chain.forward_and_jacobian(&self.gather(position))?;
-        let V_BF =
-            (!velocity.is_empty()).then(|| jacobian.twist(&self.gather(velocity)));
+        let V_BF = (!velocity.is_empty()).then(|| jacobian.twist(&self.gather(velocity)));
         let lever = X_BF.rotation * self.tcp.position();
         let flange = Pose::from_isometry(X_BF);
         Ok(TipState {

@@ -150,7 +150,10 @@ impl EquipmentBook {
     /// # Errors
     /// [`EquipmentError`]: no such chain, not exactly one of tool and name, a tool that is not
     /// known or makes no sense, or a chain that has one.
-    pub fn attach_tool(&self, params: &AttachToolParams) -> Result<EquipmentChange, EquipmentError> {
+    pub fn attach_tool(
+        &self,
+        params: &AttachToolParams,
+    ) -> Result<EquipmentChange, EquipmentError> {
         let (index, carries) = self.carried(params.chain.as_deref())?;
         let tool = self.tool(params)?;
         check_tool(&tool)?;
@@ -268,6 +271,20 @@ impl EquipmentBook {
             load: told,
         };
         Ok(EquipmentChange { chain, carries, order })
+    }
+}
+
+impl EquipmentChange {
+    /// Revision that it leads to.
+    #[must_use]
+    pub fn config_seqno(&self) -> u64 {
+        self.order.equipment.config_seqno
+    }
+
+    /// What the chain carries after it.
+    #[must_use]
+    pub const fn carries(&self) -> &ChainEquipment {
+        &self.carries
     }
 }
 

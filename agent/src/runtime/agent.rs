@@ -23,6 +23,7 @@ use super::board::{Board, SharedBoard};
 use super::bus::{self, Keys};
 use super::clock::monotonic;
 use super::desk::{Desk, Inboxes, Remark};
+use super::equipment::SharedEquipment;
 use super::link::{Link, LinkError};
 use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
@@ -130,9 +131,11 @@ impl Agent {
         let session = bus::open_session(&options, &robot.config).await?;
         bus::refuse_taken_name(&session, &robot.config).await?;
         let shared = Shared::new(&robot)?;
+        let equipment = shared.equipment(&session, &robot).await?;
         let (loop_end, publisher_end, orders) = mailbox(shared.board.lock().snapshot);
         let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
-        let publisher = shared.publisher(&session, &robot, publisher_end, to_desk).await?;
+        let publisher =
+            shared.publisher(&session, &robot, &equipment, (publisher_end, to_desk)).await?;
         let publisher = spawn_publisher(publisher, &robot.config)?;
         let mut loop_thread = shared.loop_thread(&robot, loop_end, publisher.thread().clone())?;
         loop_thread.wake_log = wake_log;
@@ -148,7 +151,8 @@ impl Agent {
         let desk = shared.desk(&session, &robot, running.realtime.policy, cleared).await?;
         let changed = Arc::clone(&shared.changed);
         let desk = start_task(desk.run(Inboxes { loop_events, stops, remarks: remarked, changed }));
-        let requests = Arc::new(shared.requests(&robot, orders, cleared_seen, remarks.clone()));
+        let requests =
+            Arc::new(shared.requests(&robot, &equipment, orders, (cleared_seen, remarks.clone())));
         let keys = bus::open_keys(&session, &robot, &shared.board, &requests, stop).await?;
         let agent = Self {
             session,
@@ -254,8 +258,8 @@ impl Shared {
         &self,
         session: &Session,
         robot: &Robot,
-        mailbox: PublisherEnd,
-        desk: mpsc::Sender<StampedEvent>,
+        equipment: &Arc<SharedEquipment>,
+        (mailbox, desk): (PublisherEnd, mpsc::Sender<StampedEvent>),
     ) -> Result<Publisher, AgentError> {
         let encoding = robot.config.publish.encoding;
         let (state, joint_states) = (&keys::ROBOT_STATE, &keys::ROBOT_JOINT_STATES);
@@ -267,9 +271,9 @@ impl Shared {
             joint_states: bus::declare_latest(session, robot, joint_states, encoding).await?,
             boot_id: self.boot_id,
             joint_names: robot.joint_names(),
-            variables: robot.variables(),
-            chains: robot.chain_links(),
-            model: robot.model.clone(),
+            chains: robot.chains.iter().map(|chain| chain.name.clone()).collect(),
+            in_force: Arc::clone(&robot.params.equipment),
+            equipment: Arc::clone(equipment),
             changed: Arc::clone(&self.changed),
             shutdown: Arc::clone(&self.shutdown),
         })
@@ -324,9 +328,9 @@ impl Shared {
     fn requests(
         &self,
         robot: &Robot,
+        equipment: &Arc<SharedEquipment>,
         orders: Producer<LoopRequest>,
-        cleared: watch::Receiver<u64>,
-        remarks: mpsc::Sender<Remark>,
+        (cleared, remarks): (watch::Receiver<u64>, mpsc::Sender<Remark>),
     ) -> Requests {
         Requests {
             board: Arc::clone(&self.board),
@@ -339,8 +343,20 @@ impl Shared {
             prepared: Mutex::default(),
             cleared,
             remarks,
+            equipment: Arc::clone(equipment),
+            abilities: robot.abilities.clone(),
             boot_id: self.boot_id,
         }
+    }
+
+    async fn equipment(
+        &self,
+        session: &Session,
+        robot: &Robot,
+    ) -> Result<Arc<SharedEquipment>, AgentError> {
+        let info = robot.info(self.boot_id);
+        let publisher = bus::declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
+        Ok(Arc::new(SharedEquipment::new(robot.book.clone(), info, publisher)))
     }
 }
 

@@ -18,9 +18,11 @@
 mod agent;
 mod board;
 mod bus;
+mod capabilities;
 mod clock;
 mod desk;
 mod emulation;
+mod equipment;
 mod link;
 mod loop_thread;
 mod mailbox;

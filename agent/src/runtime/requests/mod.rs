@@ -31,9 +31,11 @@ use self::prepare::PreparedMotion;
 use super::board::{Board, SharedBoard};
 use super::clock::monotonic;
 use super::desk::Remark;
+use super::equipment::SharedEquipment;
 use super::motion_log::queued;
 use super::stop_gate::StopGate;
 use crate::control::{Granted, LoopRequest, Order, Params};
+use crate::drivers::Abilities;
 
 /// How long the loop has to answer what it does within a few ticks.
 const LOOP_PATIENCE: Duration = Duration::from_millis(1500);
@@ -50,6 +52,8 @@ pub(super) struct Requests {
     pub(super) prepared: Mutex<HashMap<Uuid, PreparedMotion>>,
     pub(super) cleared: watch::Receiver<u64>,
     pub(super) remarks: mpsc::Sender<Remark>,
+    pub(super) equipment: Arc<SharedEquipment>,
+    pub(super) abilities: Abilities,
     pub(super) boot_id: Uuid,
 }
 
@@ -251,6 +255,11 @@ impl Requests {
             message: format!("{method}: {}", denial.message),
             details: Map::from_iter([("code".to_owned(), Value::from(denial.code.as_str()))]),
         };
+        self.tell(remark);
+    }
+
+    /// Hands something to the desk to be recorded as an event.
+    fn tell(&self, remark: Remark) {
         // Denials may come in floods; those beyond the queue are only counted.
         drop(self.remarks.try_send(remark));
     }
