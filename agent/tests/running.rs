@@ -3,6 +3,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
+mod several_robots;
 
 use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;

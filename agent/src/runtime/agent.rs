@@ -1,62 +1,36 @@
-//! One robot's agent, put together: loop, publisher, desk and the keys it answers.
+//! An agent: robots that share a process and a Zenoh session, and nothing else.
+//!
+//! Each robot has its own loop thread, publisher, desk, board and keys, so that one which fails
+//! takes no other along. All start or none does; all are shut down at once.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
-use std::thread::{Builder, JoinHandle, Thread};
-use std::time::Duration;
 
 use armada_model::MotionLimitsError;
-use armada_protocol::codec::WireEncoding;
-use armada_protocol::keys;
-use armada_protocol::messages::{CommandMode, EventKind, RobotFlags, SchedulingPolicy, Severity};
+use armada_protocol::RobotName;
 use armada_protocol::session::SessionError;
-use rtrb::Producer;
-use serde_json::Map;
-use tokio::sync::{Notify, mpsc, watch};
-use tokio::task::JoinHandle as Task;
-use tracing::{error, info, warn};
-use uuid::Uuid;
+use tokio::task::JoinSet;
+use tracing::{error, warn};
 use zenoh::Session;
 
-use super::board::{Board, SharedBoard};
-use super::bus::{self, Keys};
-use super::clock::monotonic;
-use super::desk::{Desk, Inboxes, Remark};
-use super::equipment::SharedEquipment;
-use super::link::{Link, LinkError};
-use super::loop_thread::LoopThread;
-use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
-use super::meter::{Meter, MeterReader};
-use super::publisher::Publisher;
-use super::realtime::{self, RealtimeReport};
-use super::requests::Requests;
-use super::robot::Robot;
-use super::stop_gate::StopGate;
-use super::stop_intake::StopIntake;
+use super::bus;
+use super::link::LinkError;
+use super::realtime::RealtimeReport;
+use super::robot::{self, Robot};
+use super::robot_agent::RobotAgent;
 use super::wake_log::WakeLog;
-use super::words::Vocabulary;
-use crate::config::{ConfigError, RealtimeConfig, RobotConfig};
-use crate::control::{Input, LoopRequest, LoopState, Params, ParamsError, step};
+use crate::config::ConfigError;
+use crate::control::ParamsError;
 use crate::drivers::SetupError;
-
-/// How long an agent that ends waits for its robot to stand still.
-const STANDSTILL_PATIENCE: Duration = Duration::from_secs(5);
-/// How much less urgent than the loop the publisher is, which hands a fresh state to Zenoh.
-const BELOW_LOOP: u8 = 10;
-/// Events between loop, publisher and desk.
-const DESK_QUEUE: usize = 4096;
-/// Events kept for late joiners.
-const KEPT_EVENTS: usize = 256;
 
 /// How an agent is started.
 #[derive(Clone, Debug)]
 pub struct AgentOptions {
-    /// The robot file.
-    pub robot_file: PathBuf,
-    /// Zenoh endpoints to listen on, instead of those of the robot file.
+    /// The robot files, at least one, each of another robot.
+    pub robot_files: Vec<PathBuf>,
+    /// Zenoh endpoints to listen on; `None`: those of all robot files.
     pub listen: Option<Vec<String>>,
-    /// Zenoh endpoints to dial, instead of those of the robot file.
+    /// Zenoh endpoints to dial; `None`: those of all robot files, without those listened on, where
+    /// robots of one agent would be dialling each other.
     pub connect: Option<Vec<String>>,
     /// Prefix of every key.
     pub namespace: Option<String>,
@@ -94,296 +68,101 @@ pub enum AgentError {
     /// Another agent answers for the same robot.
     #[error("robot {0} already has an agent on this bus")]
     NameTaken(String),
+    /// An agent without a robot has nothing to do.
+    #[error("no robot file is given")]
+    NoRobot,
+    /// One robot file is given twice.
+    #[error("robot file {} is given twice", .0.display())]
+    SameFile(PathBuf),
+    /// Two robot files are of robots of one name.
+    #[error("robot {robot} is in {} and in {}", .files[0].display(), .files[1].display())]
+    SameName {
+        /// The name.
+        robot: RobotName,
+        /// The files.
+        files: [PathBuf; 2],
+    },
+    /// One robot cannot be started.
+    #[error("robot {robot}: {cause}")]
+    Robot {
+        /// Its name.
+        robot: RobotName,
+        /// Why.
+        cause: Box<Self>,
+    },
 }
 
-/// A running agent.
+/// A running agent of one or more robots.
 pub struct Agent {
     session: Session,
-    requests: Arc<Requests>,
-    board: Arc<SharedBoard>,
-    remarks: mpsc::Sender<Remark>,
-    realtime: RealtimeReport,
-    shutdown: Arc<AtomicBool>,
-    loop_thread: JoinHandle<()>,
-    publisher: JoinHandle<()>,
-    desk: Task<()>,
-    _keys: Keys,
+    robots: Vec<RobotAgent>,
 }
 
 impl Agent {
-    /// Reads the robot file, starts the loop and joins the bus.
+    /// Reads the robot files, joins the bus and starts the control loops.
     ///
     /// # Errors
-    /// [`AgentError`]: nothing runs then.
+    /// [`AgentError`]: nothing runs then; a robot that had been started is at rest again.
     pub async fn start(options: AgentOptions) -> Result<Self, AgentError> {
-        Self::start_measured(options, None).await
+        Self::start_measured(options, Vec::new()).await
     }
 
-    /// As [`Self::start`]; the control loop writes its wake-ups to `wake_log`.
+    /// As [`Self::start`]; the control loops write their wake-ups to `wake_logs`, in the order of
+    /// the robot files. Those beyond have none.
     ///
     /// # Errors
-    /// [`AgentError`]: nothing runs then.
+    /// [`AgentError`]: as [`Self::start`].
     pub async fn start_measured(
         options: AgentOptions,
-        wake_log: Option<WakeLog>,
+        wake_logs: Vec<WakeLog>,
     ) -> Result<Self, AgentError> {
-        let robot = Robot::load(&options)?;
-        let session = bus::open_session(&options, &robot.config).await?;
-        bus::refuse_taken_name(&session, &robot.config).await?;
-        let shared = Shared::new(&robot)?;
-        let equipment = shared.equipment(&session, &robot).await?;
-        let (loop_end, publisher_end, orders) = mailbox(shared.board.lock().snapshot);
-        let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
-        let publisher =
-            shared.publisher(&session, &robot, &equipment, (publisher_end, to_desk)).await?;
-        let publisher = spawn_publisher(publisher, &robot.config)?;
-        let mut loop_thread = shared.loop_thread(&robot, loop_end, publisher.thread().clone())?;
-        loop_thread.wake_log = wake_log;
-        let running = loop_thread.start()?;
-        info!(robot = %robot.config.robot, period_ms = robot.config.control.period_ms,
-            scheduling = %running.realtime, "control loop runs");
-        let gate = Arc::clone(&shared.gate);
-        let (stop, stops) = StopIntake::open(&session, &robot.config.robot, gate)
-            .await
-            .map_err(bus::zenoh_error)?;
-        let (remarks, remarked) = mpsc::channel(DESK_QUEUE);
-        let (cleared, cleared_seen) = watch::channel(0);
-        let desk = shared.desk(&session, &robot, running.realtime.policy, cleared).await?;
-        let changed = Arc::clone(&shared.changed);
-        let desk = start_task(desk.run(Inboxes { loop_events, stops, remarks: remarked, changed }));
-        let requests =
-            Arc::new(shared.requests(&robot, &equipment, orders, (cleared_seen, remarks.clone())));
-        let keys = bus::open_keys(&session, &robot, &shared.board, &requests, stop).await?;
-        let agent = Self {
-            session,
-            requests,
-            board: shared.board,
-            remarks,
-            realtime: running.realtime,
-            shutdown: shared.shutdown,
-            loop_thread: running.thread,
-            publisher,
-            desk,
-            _keys: keys,
-        };
-        agent.remark(EventKind::Started, format!("agent {} started", env!("CARGO_PKG_VERSION")));
-        Ok(agent)
+        let robots = robot::load_all(&options.robot_files)?;
+        let session = bus::open_session(&options, &robots).await?;
+        let mut agent = Self { session, robots: Vec::new() };
+        match agent.start_robots(&robots, wake_logs).await {
+            Ok(()) => Ok(agent),
+            Err(error) => {
+                agent.shut_down().await;
+                Err(error)
+            }
+        }
     }
 
-    /// How the control loop's thread is scheduled.
-    #[must_use]
-    pub const fn realtime(&self) -> &RealtimeReport {
-        &self.realtime
+    /// Name of each robot, with how its control loop is scheduled; in the order of the robot files.
+    pub fn realtime(&self) -> impl Iterator<Item = (&RobotName, &RealtimeReport)> {
+        self.robots.iter().map(|robot| (robot.name(), robot.realtime()))
     }
 
-    /// Ramps the robot to standstill, says goodbye and ends.
+    /// Ramps all robots to standstill at once, says goodbye for each and ends.
     ///
-    /// If the robot does not stand still in time, that is logged and the controller's own watchdog
+    /// If a robot does not stand still in time, that is logged and its controller's own watchdog
     /// is left to stop it.
     pub async fn shut_down(self) {
-        self.come_to_rest().await;
-        self.remark(EventKind::Ending, "agent ends".to_owned());
-        self.shutdown.store(true, Ordering::Relaxed);
-        self.publisher.thread().unpark();
-        let threads = [self.loop_thread, self.publisher];
-        let joined = tokio::task::spawn_blocking(move || threads.map(JoinHandle::join)).await;
-        if !matches!(joined, Ok([Ok(()), Ok(())])) {
-            error!("a thread of the agent panicked");
-        }
-        // The publisher was the only source of loop events, so the desk ends by itself.
-        if self.desk.await.is_err() {
-            error!("the desk panicked");
+        let mut ending: JoinSet<()> = self.robots.into_iter().map(RobotAgent::shut_down).collect();
+        while let Some(ended) = ending.join_next().await {
+            if ended.is_err() {
+                error!("shutting down a robot panicked");
+            }
         }
         if let Err(error) = self.session.close().await {
             warn!(%error, "the session did not close");
         }
     }
 
-    async fn come_to_rest(&self) {
-        if let Err(denial) = self.requests.halt().await {
-            info!(%denial, "no halt needed");
+    async fn start_robots(
+        &mut self,
+        robots: &[Robot],
+        wake_logs: Vec<WakeLog>,
+    ) -> Result<(), AgentError> {
+        bus::refuse_taken_names(&self.session, robots).await?;
+        let mut wake_logs = wake_logs.into_iter();
+        for robot in robots {
+            let started = RobotAgent::start(&self.session, robot, wake_logs.next()).await;
+            self.robots.push(started.map_err(|cause| AgentError::Robot {
+                robot: robot.config.robot.clone(),
+                cause: Box::new(cause),
+            })?);
         }
-        let rest = async {
-            while self.is_commanded_to_move() {
-                tokio::time::sleep(Duration::from_millis(5)).await;
-            }
-        };
-        if tokio::time::timeout(STANDSTILL_PATIENCE, rest).await.is_err() {
-            warn!("the robot still moves: its controller's watchdog has to stop it");
-        }
+        Ok(())
     }
-
-    fn is_commanded_to_move(&self) -> bool {
-        let snapshot = self.board.lock().snapshot;
-        let connected = !snapshot.flags.contains(RobotFlags::COMMUNICATION_FAILURE);
-        let moves = snapshot.joint_velocity_command.iter().any(|&velocity| velocity != 0.0);
-        connected && snapshot.command_mode != CommandMode::InvalidState && moves
-    }
-
-    fn remark(&self, kind: EventKind, message: String) {
-        let remark = Remark { severity: Severity::Info, kind, message, details: Map::new() };
-        if self.remarks.try_send(remark).is_err() {
-            warn!("an event was lost: the desk does not keep up");
-        }
-    }
-}
-
-/// What the threads and tasks of an agent share.
-struct Shared {
-    boot_id: Uuid,
-    gate: Arc<StopGate>,
-    meter: Arc<Meter>,
-    board: Arc<SharedBoard>,
-    changed: Arc<Notify>,
-    shutdown: Arc<AtomicBool>,
-}
-
-impl Shared {
-    fn new(robot: &Robot) -> Result<Self, AgentError> {
-        let boot_id = Uuid::now_v7();
-        let first = first_snapshot(&robot.params)?;
-        let vocabulary =
-            Vocabulary { robot: robot.config.robot.clone(), joints: robot.joints.clone() };
-        Ok(Self {
-            boot_id,
-            gate: Arc::default(),
-            meter: Arc::default(),
-            board: Arc::new(SharedBoard::new(Board::new(vocabulary, boot_id, first))),
-            changed: Arc::default(),
-            shutdown: Arc::default(),
-        })
-    }
-
-    async fn publisher(
-        &self,
-        session: &Session,
-        robot: &Robot,
-        equipment: &Arc<SharedEquipment>,
-        (mailbox, desk): (PublisherEnd, mpsc::Sender<StampedEvent>),
-    ) -> Result<Publisher, AgentError> {
-        let encoding = robot.config.publish.encoding;
-        let (state, joint_states) = (&keys::ROBOT_STATE, &keys::ROBOT_JOINT_STATES);
-        Ok(Publisher {
-            mailbox,
-            board: Arc::clone(&self.board),
-            desk,
-            state: bus::declare_latest(session, robot, state, encoding).await?,
-            joint_states: bus::declare_latest(session, robot, joint_states, encoding).await?,
-            boot_id: self.boot_id,
-            joint_names: robot.joint_names(),
-            chains: robot.chains.iter().map(|chain| chain.name.clone()).collect(),
-            in_force: Arc::clone(&robot.params.equipment),
-            equipment: Arc::clone(equipment),
-            changed: Arc::clone(&self.changed),
-            shutdown: Arc::clone(&self.shutdown),
-        })
-    }
-
-    fn loop_thread(
-        &self,
-        robot: &Robot,
-        mailbox: LoopEnd,
-        publisher: Thread,
-    ) -> Result<LoopThread, AgentError> {
-        let driver = robot.driver(self.boot_id)?;
-        Ok(LoopThread {
-            name: robot.config.robot.to_string(),
-            params: robot.params.clone(),
-            state: LoopState::new(&robot.params)?,
-            link: Link::open(driver.endpoints())?,
-            driver,
-            mailbox,
-            gate: Arc::clone(&self.gate),
-            meter: Arc::clone(&self.meter),
-            realtime: robot.config.control.realtime,
-            ticks_per_sample: robot.ticks_per_sample(),
-            publisher,
-            shutdown: Arc::clone(&self.shutdown),
-            wake_log: None,
-        })
-    }
-
-    async fn desk(
-        &self,
-        session: &Session,
-        robot: &Robot,
-        policy: SchedulingPolicy,
-        cleared: watch::Sender<u64>,
-    ) -> Result<Desk, AgentError> {
-        let stop_acks = &keys::ROBOT_STOP_ACK;
-        Ok(Desk {
-            reader: MeterReader::new(robot.params.period, policy, monotonic()),
-            status: bus::declare_cached(session, robot, &keys::ROBOT_STATUS, 1).await?,
-            events: bus::declare_cached(session, robot, &keys::ROBOT_EVENTS, KEPT_EVENTS).await?,
-            stop_acks: bus::declare_latest(session, robot, stop_acks, WireEncoding::Json).await?,
-            session: session.clone(),
-            board: Arc::clone(&self.board),
-            meter: Arc::clone(&self.meter),
-            boot_id: self.boot_id,
-            event_seqno: 0,
-            cleared,
-        })
-    }
-
-    fn requests(
-        &self,
-        robot: &Robot,
-        equipment: &Arc<SharedEquipment>,
-        orders: Producer<LoopRequest>,
-        (cleared, remarks): (watch::Receiver<u64>, mpsc::Sender<Remark>),
-    ) -> Requests {
-        Requests {
-            board: Arc::clone(&self.board),
-            gate: Arc::clone(&self.gate),
-            params: robot.params.clone(),
-            limits: robot.limits,
-            joint_names: robot.joint_names(),
-            joint_types: robot.joint_types(),
-            orders: Mutex::new(orders),
-            prepared: Mutex::default(),
-            cleared,
-            remarks,
-            equipment: Arc::clone(equipment),
-            abilities: robot.abilities.clone(),
-            boot_id: self.boot_id,
-        }
-    }
-
-    async fn equipment(
-        &self,
-        session: &Session,
-        robot: &Robot,
-    ) -> Result<Arc<SharedEquipment>, AgentError> {
-        let info = robot.info(self.boot_id);
-        let publisher = bus::declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
-        Ok(Arc::new(SharedEquipment::new(robot.book.clone(), info, publisher)))
-    }
-}
-
-/// The snapshot before the first tick: what a step says that knows nothing.
-fn first_snapshot(params: &Params) -> Result<crate::control::Snapshot, AgentError> {
-    let mut state = LoopState::new(params)?;
-    let mut input = Input::at(monotonic());
-    Ok(step(params, &mut state, &mut input).snapshot)
-}
-
-fn spawn_publisher(
-    publisher: Publisher,
-    config: &RobotConfig,
-) -> Result<JoinHandle<()>, AgentError> {
-    let name = format!("publish-{}", config.robot);
-    let priority = config.control.realtime.priority;
-    let priority = priority.map(|priority| priority.saturating_sub(BELOW_LOOP).max(1));
-    let scheduling = RealtimeConfig { priority, cpu: None, lock_memory: false };
-    let run = move || {
-        // Refused where it is refused to the loop, which says so.
-        realtime::enter(&scheduling);
-        publisher.run();
-    };
-    Ok(Builder::new().name(name).spawn(run)?)
-}
-
-#[expect(clippy::disallowed_methods, reason = "the runtime is where tasks are started")]
-fn start_task(task: impl Future<Output = ()> + Send + 'static) -> Task<()> {
-    tokio::spawn(task)
 }

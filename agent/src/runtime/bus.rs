@@ -18,7 +18,7 @@ use super::clock::{monotonic, utc_ns};
 use super::requests::Requests;
 use super::robot::Robot;
 use super::stop_intake::StopIntake;
-use crate::config::RobotConfig;
+use crate::config::ZenohConfig;
 
 /// How long a starting agent looks for the endpoints it dials, before it asks whether its name is
 /// taken.
@@ -33,12 +33,15 @@ pub(super) struct Keys {
 
 pub(super) async fn open_session(
     options: &AgentOptions,
-    config: &RobotConfig,
+    robots: &[Robot],
 ) -> Result<Session, AgentError> {
+    let listen = endpoints(options.listen.as_ref(), robots, |config| &config.listen);
+    let mut connect = endpoints(options.connect.as_ref(), robots, |config| &config.connect);
+    connect.retain(|endpoint| !listen.contains(endpoint));
     let session = SessionOptions {
         role: Role::Agent,
-        listen: options.listen.clone().unwrap_or_else(|| config.zenoh.listen.clone()),
-        connect: options.connect.clone().unwrap_or_else(|| config.zenoh.connect.clone()),
+        listen,
+        connect,
         namespace: options.namespace.clone(),
         insecure_lan: options.insecure_lan,
     };
@@ -50,20 +53,38 @@ pub(super) async fn open_session(
     Ok(session)
 }
 
+/// Those given, else those of all robots, each once.
+fn endpoints(
+    given: Option<&Vec<String>>,
+    robots: &[Robot],
+    of: fn(&ZenohConfig) -> &Vec<String>,
+) -> Vec<String> {
+    let mut all = Vec::new();
+    let own = robots.iter().flat_map(|robot| of(&robot.config.zenoh));
+    for endpoint in given.map_or_else(|| own.collect::<Vec<_>>(), |given| given.iter().collect()) {
+        if !all.contains(endpoint) {
+            all.push(endpoint.clone());
+        }
+    }
+    all
+}
+
 /// Two agents of one name would both drive the robot's controller.
-pub(super) async fn refuse_taken_name(
+pub(super) async fn refuse_taken_names(
     session: &Session,
-    config: &RobotConfig,
+    robots: &[Robot],
 ) -> Result<(), AgentError> {
     let tokens = session
         .liveliness()
-        .get(keys::ROBOT_ALIVE.of(&config.robot))
+        .get(keys::ROBOT_ALIVE.any())
         .timeout(Duration::from_millis(500))
         .await
         .map_err(zenoh_error)?;
     while let Ok(reply) = tokens.recv_async().await {
-        if reply.result().is_ok() {
-            return Err(AgentError::NameTaken(config.robot.to_string()));
+        let Ok(alive) = reply.result() else { continue };
+        let taken = keys::robot_of(alive.key_expr().as_str());
+        if let Some(taken) = taken.filter(|taken| robots.iter().any(|r| r.config.robot == *taken)) {
+            return Err(AgentError::NameTaken(taken.to_string()));
         }
     }
     Ok(())

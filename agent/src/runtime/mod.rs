@@ -14,6 +14,9 @@
 //! The loop thread allocates nothing, takes no lock, logs nothing and never meets Zenoh; it only
 //! writes to wait-free queues and wakes the publisher. A stop closes the gate in Zenoh's callback,
 //! before anything else is looked at.
+//!
+//! All of this is one robot's (`robot_agent`); an agent runs one or more (`agent`), which share the
+//! Zenoh session and tokio's threads.
 
 mod agent;
 mod board;
@@ -32,8 +35,10 @@ mod publisher;
 mod realtime;
 mod requests;
 mod robot;
+mod robot_agent;
 mod stop_gate;
 mod stop_intake;
+mod threads;
 mod wake_log;
 mod words;
 

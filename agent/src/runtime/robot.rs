@@ -1,12 +1,14 @@
 //! The robot as its files describe it.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
 
 use armada_model::{JointType, MotionLimits, RobotModel};
 use armada_protocol::messages::{ChainInfo, JointInfo, RobotFlags, RobotInfo};
 use uuid::Uuid;
 
-use super::agent::{AgentError, AgentOptions};
+use super::agent::AgentError;
 use super::capabilities::{capabilities, loop_abilities, methods, parameter_slots, signal_slots};
 use crate::config::RobotConfig;
 use crate::control::Params;
@@ -26,9 +28,34 @@ pub(super) struct Robot {
     pub(super) book: EquipmentBook,
 }
 
+/// The robots of an agent, each of another name.
+///
+/// # Errors
+/// What [`AgentError`] says of files and robots that cannot be used, alone or together.
+pub(super) fn load_all(files: &[PathBuf]) -> Result<Vec<Robot>, AgentError> {
+    if files.is_empty() {
+        return Err(AgentError::NoRobot);
+    }
+    let (mut paths, mut names) = (BTreeSet::new(), BTreeMap::new());
+    let mut robots = Vec::new();
+    for file in files {
+        // A file that is not there is refused by the one that reads it, with the reason.
+        if !paths.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
+            return Err(AgentError::SameFile(file.clone()));
+        }
+        let robot = Robot::load(file)?;
+        if let Some(other) = names.insert(robot.config.robot.clone(), file.clone()) {
+            let files = [other, file.clone()];
+            return Err(AgentError::SameName { robot: robot.config.robot, files });
+        }
+        robots.push(robot);
+    }
+    Ok(robots)
+}
+
 impl Robot {
-    pub(super) fn load(options: &AgentOptions) -> Result<Self, AgentError> {
-        let config = RobotConfig::load(&options.robot_file)?;
+    fn load(file: &Path) -> Result<Self, AgentError> {
+        let config = RobotConfig::load(file)?;
         let (urdf, model) = config.read_urdf()?;
         let joints = config.joint_infos(&model)?;
         let chains = config.chain_infos(&model)?;

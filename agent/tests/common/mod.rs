@@ -30,7 +30,7 @@ pub(crate) struct Bench {
 impl Bench {
     pub(crate) async fn start() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let file = robot_file(folder.path(), free_udp_port());
+        let file = robot_file(folder.path(), "left_arm");
         let endpoint = format!("tcp/127.0.0.1:{}", free_tcp_port());
         let emulation = Some(emulate(&file));
         let agent = Agent::start(options(&file, &endpoint)).await.expect("agent starts");
@@ -42,7 +42,7 @@ impl Bench {
     }
 
     pub(crate) fn file(&self) -> PathBuf {
-        self.folder.path().join("robot.yaml")
+        self.folder.path().join("left_arm.yaml")
     }
 
     pub(crate) fn options(&self) -> AgentOptions {
@@ -122,7 +122,7 @@ pub(crate) fn emulate(file: &Path) -> Emulation {
 
 fn options(file: &Path, endpoint: &str) -> AgentOptions {
     AgentOptions {
-        robot_file: file.to_owned(),
+        robot_files: vec![file.to_owned()],
         listen: Some(vec![endpoint.to_owned()]),
         connect: Some(Vec::new()),
         namespace: None,
@@ -130,17 +130,18 @@ fn options(file: &Path, endpoint: &str) -> AgentOptions {
     }
 }
 
-/// The left arm of the default cell, with a port of its own.
-fn robot_file(folder: &Path, port: u16) -> PathBuf {
+/// The left arm of the default cell under another name, with a port of its own.
+pub(crate) fn robot_file(folder: &Path, name: &str) -> PathBuf {
     let source = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../config/robots");
     let text = std::fs::read_to_string(source.join("left_arm.yaml")).expect("robot file");
     let urdf = source.join("six_axis_arm.urdf").canonicalize().expect("robot description");
     let text = text
-        .replace("127.0.0.1:47101", &format!("127.0.0.1:{port}"))
+        .replace("robot: left_arm", &format!("robot: {name}"))
+        .replace("127.0.0.1:47101", &format!("127.0.0.1:{}", free_udp_port()))
         .replace("urdf: six_axis_arm.urdf", &format!("urdf: {}", urdf.display()))
         .replace("priority: 80", "priority: null")
         .replace("lock_memory: true", "lock_memory: false");
-    let file = folder.join("robot.yaml");
+    let file = folder.join(format!("{name}.yaml"));
     std::fs::write(&file, text).expect("robot file");
     file
 }
@@ -150,7 +151,7 @@ fn free_udp_port() -> u16 {
     socket.local_addr().expect("an address").port()
 }
 
-fn free_tcp_port() -> u16 {
+pub(crate) fn free_tcp_port() -> u16 {
     let socket = TcpListener::bind("127.0.0.1:0").expect("a port");
     socket.local_addr().expect("an address").port()
 }

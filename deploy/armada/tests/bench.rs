@@ -96,6 +96,28 @@ fn cpu_measures_agent_and_emulator() {
 }
 
 #[test]
+fn scale_measures_every_number_of_arms_that_was_asked_for() {
+    let report = report(&[
+        "scale",
+        "--arms",
+        "2,3",
+        "--most",
+        "3",
+        "--seconds",
+        "0.5",
+        "--policy",
+        "other",
+        "--json",
+    ]);
+    assert_measured(&report, &["one agent process", "bare loops", "emulators"]);
+    let sections = report["sections"].as_array().expect("sections");
+    let titles: Vec<_> = sections.iter().map(|section| section["title"].as_str()).collect();
+    assert_eq!(titles, [Some("2 arms at 100 Hz"), Some("3 arms at 100 Hz")]);
+    let note = report["notes"][0].as_str().expect("a note");
+    assert!(note.contains("half of the periods are missed"), "{note}");
+}
+
+#[test]
 fn step_measures_every_kind_without_an_allocation() {
     let report = report(&["step", "--repetitions", "1", "--steps", "1000", "--json"]);
     assert_measured(&report, &["trajectory", "jog", "hold", "ramp"]);

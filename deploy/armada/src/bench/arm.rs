@@ -37,7 +37,7 @@ impl Controller {
     /// Starts the controller of a new robot.
     pub(super) async fn start(folder: &Folder, spec: &RobotSpec) -> anyhow::Result<Self> {
         let file = robot_file::write(folder, spec)?;
-        let child = Child::start(&Part::Emulator { robot: file.clone() }).await?;
+        let child = Child::start(&Part::Emulator { robots: vec![file.clone()] }).await?;
         Ok(Self { child, file, name: spec.name.clone() })
     }
 
@@ -68,7 +68,8 @@ impl Arm {
     /// Starts the agent of a controller; it stands in mode `trajectory`.
     pub(super) async fn start(controller: &Controller) -> anyhow::Result<Self> {
         let endpoint = robot_file::free_endpoint()?;
-        let part = Part::Agent { robot: controller.file.clone(), endpoint: endpoint.clone() };
+        let part =
+            Part::Agent { robots: vec![controller.file.clone()], endpoint: endpoint.clone() };
         let agent = Child::start(&part).await?;
         let client = connect(vec![endpoint.clone()]).await?;
         let arm = Self { agent, client, name: controller.name.clone(), endpoint };

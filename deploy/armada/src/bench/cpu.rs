@@ -102,7 +102,7 @@ async fn measure_rate(
     arm.end().await?;
     controller.end().await?;
 
-    let mut bare = Child::start(&Part::BareLoop { period, priority }).await?;
+    let mut bare = Child::start(&Part::BareLoops { loops: 1, period, priority }).await?;
     machine.scheduled("bare loop", &bare.ready.scheduling);
     let begin = (monotonic(), bare.ask::<f64>(Ask::CpuTime).await?);
     sleep(time).await;

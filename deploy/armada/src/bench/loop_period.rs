@@ -105,7 +105,8 @@ impl Bench {
 
     async fn measure_bare(&mut self) -> anyhow::Result<Regularity> {
         let priority = self.args.common.policy.priority();
-        let mut child = Child::start(&Part::BareLoop { period: self.period, priority }).await?;
+        let mut child =
+            Child::start(&Part::BareLoops { loops: 1, period: self.period, priority }).await?;
         self.machine.scheduled("bare loop", &child.ready.scheduling);
         sleep(WARM_UP).await;
         let regularity = child.ask(Ask::Wakes(self.args.time.seconds)).await?;

@@ -1,8 +1,8 @@
 //! `armada bench`: how well this machine keeps time, and what Armada adds to what it is built on.
 //!
 //! ```text
-//! measurements  loop_period latency stop accept cpu step motion      one file or folder each
-//!    | use       arm (emulator + agent + client)   raw (the reference)
+//! measurements  loop_period latency stop accept cpu scale step motion    one file or folder each
+//!    | use       arm (emulator + agent + client)   fleet (many arms)   raw (the reference)
 //!    | start     child --asks over stdin--> part (this program, another process)
 //!    v
 //! report  <- figures, machine
@@ -18,6 +18,7 @@ mod arm;
 mod child;
 mod cpu;
 mod figures;
+mod fleet;
 mod latency;
 mod loop_period;
 mod machine;
@@ -26,6 +27,7 @@ mod part;
 mod raw;
 mod report;
 mod robot_file;
+mod scale;
 mod step;
 mod stop;
 mod swing;
@@ -73,6 +75,8 @@ enum What {
     Accept(accept::AcceptArgs),
     /// Processor time of an agent and its emulator
     Cpu(cpu::CpuArgs),
+    /// How many arms one agent process can run, against as many bare loops
+    Scale(scale::ScaleArgs),
     /// Kinematics and motion, against the libraries that others use
     Motion(motion::MotionArgs),
     /// One process of a measurement
@@ -146,6 +150,7 @@ pub(crate) async fn run(args: BenchArgs) -> anyhow::Result<Exit> {
         What::Step(args) => (args.json, Some(step::measure(&args)?)),
         What::Accept(args) => (args.common.json, or_signal(accept::measure(args)).await?),
         What::Motion(args) => (args.json, or_signal(motion::measure(args)).await?),
+        What::Scale(args) => (args.common.json, or_signal(scale::measure(args)).await?),
         What::Cpu(args) => (args.common.json, or_signal(cpu::measure(args)).await?),
     };
     let Some(report) = measured else { return Ok(Exit::Interrupted) };

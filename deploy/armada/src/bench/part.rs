@@ -25,23 +25,25 @@ const LOOK: Duration = Duration::from_millis(100);
 /// What a process is.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) enum Part {
-    /// The emulated controller of a robot.
+    /// The emulated controllers of robots.
     Emulator {
-        /// Robot file.
-        robot: PathBuf,
+        /// Robot files.
+        robots: Vec<PathBuf>,
     },
-    /// The agent of a robot.
+    /// The agent of robots with loops of one period.
     Agent {
-        /// Robot file.
-        robot: PathBuf,
+        /// Robot files.
+        robots: Vec<PathBuf>,
         /// Zenoh endpoint to listen on.
         endpoint: String,
     },
-    /// A loop that does nothing.
-    BareLoop {
-        /// Its period.
+    /// Loops that do nothing.
+    BareLoops {
+        /// How many.
+        loops: u32,
+        /// Their period.
         period: Duration,
-        /// Its priority under SCHED_FIFO.
+        /// Their priority under SCHED_FIFO.
         priority: Option<u8>,
     },
     /// A loop that puts a payload as often as an agent puts its state.
@@ -89,23 +91,30 @@ pub(super) struct Ready {
 pub(super) enum Ask {
     /// Its processor time so far, in seconds.
     CpuTime,
-    /// The [`Regularity`] of its loop over this time from now.
+    /// The [`Regularity`] of its loops over this time from now.
     Wakes(Duration),
 }
 
 /// Is `part` until standard input ends.
 pub(super) async fn run(part: Part) -> anyhow::Result<()> {
     match part {
-        Part::Emulator { robot } => {
-            let _emulation = emulate(&robot)?;
+        Part::Emulator { robots } => {
+            let emulations: anyhow::Result<Vec<_>> =
+                robots.iter().map(|robot| emulate(robot)).collect();
+            let _emulations = emulations?;
             serve(Ready::default(), None).await
         }
-        Part::Agent { robot, endpoint } => serve_agent(robot, endpoint).await,
-        Part::BareLoop { period, priority } => {
-            let (log, reader) = wake_log(LOG);
-            let bare = BareLoop::noting(period, priority, log)?;
-            let ready = Ready { scheduling: bare.scheduling.clone() };
-            serve(ready, Some((reader, period))).await
+        Part::Agent { robots, endpoint } => serve_agent(robots, endpoint).await,
+        Part::BareLoops { loops, period, priority } => {
+            let (mut bare, mut readers, mut ready) = (Vec::new(), Vec::new(), Ready::default());
+            for _ in 0..loops {
+                let (log, reader) = wake_log(LOG);
+                let one = BareLoop::noting(period, priority, log)?;
+                ready.scheduling.clone_from(&one.scheduling);
+                bare.push(one);
+                readers.push(reader);
+            }
+            serve(ready, Some((readers, period))).await
         }
         Part::RawState { period, priority, endpoint, bytes } => {
             let bare = raw::publish(&endpoint, period, priority, bytes).await?;
@@ -139,25 +148,27 @@ fn emulate(robot: &Path) -> anyhow::Result<Emulation> {
     Ok(Emulation::start(config.driver.emulator(&setup)?, realtime)?)
 }
 
-async fn serve_agent(robot: PathBuf, endpoint: String) -> anyhow::Result<()> {
-    let period = RobotConfig::load(&robot)?.control.period_ms / 1e3;
+async fn serve_agent(robots: Vec<PathBuf>, endpoint: String) -> anyhow::Result<()> {
+    let first = robots.first().context("no robot")?;
+    let period = RobotConfig::load(first)?.control.period_ms / 1e3;
+    let (logs, readers) = robots.iter().map(|_| wake_log(LOG)).unzip();
     let options = AgentOptions {
-        robot_file: robot,
+        robot_files: robots,
         listen: Some(vec![endpoint]),
         connect: Some(Vec::new()),
         namespace: None,
         insecure_lan: false,
     };
-    let (log, reader) = wake_log(LOG);
-    let agent = Agent::start_measured(options, Some(log)).await?;
-    let ready = Ready { scheduling: agent.realtime().to_string() };
-    let served = serve(ready, Some((reader, Duration::from_secs_f64(period)))).await;
+    let agent = Agent::start_measured(options, logs).await?;
+    let scheduling = agent.realtime().next().map(|(_, how)| how.to_string());
+    let ready = Ready { scheduling: scheduling.unwrap_or_default() };
+    let served = serve(ready, Some((readers, Duration::from_secs_f64(period)))).await;
     agent.shut_down().await;
     served
 }
 
 /// Says that the process is ready and answers until standard input ends.
-async fn serve(ready: Ready, mut wakes: Option<(WakeReader, Duration)>) -> anyhow::Result<()> {
+async fn serve(ready: Ready, mut wakes: Option<(Vec<WakeReader>, Duration)>) -> anyhow::Result<()> {
     let output = Output::new(true);
     output.json_line(&ready)?;
     let mut asks = BufReader::new(tokio::io::stdin()).lines();
@@ -165,8 +176,8 @@ async fn serve(ready: Ready, mut wakes: Option<(WakeReader, Duration)>) -> anyho
         match serde_json::from_str(&line)? {
             Ask::CpuTime => output.json_line(&cpu_time())?,
             Ask::Wakes(time) => {
-                let (reader, period) = wakes.as_mut().context("this part has no loop")?;
-                output.json_line(&collect(reader, *period, time).await)?;
+                let (readers, period) = wakes.as_mut().context("this part has no loop")?;
+                output.json_line(&collect(readers, *period, time).await)?;
             }
         }
     }
@@ -178,9 +189,12 @@ fn cpu_time() -> f64 {
     Duration::try_from(time).unwrap_or_default().as_secs_f64()
 }
 
-async fn collect(reader: &mut WakeReader, period: Duration, time: Duration) -> Regularity {
-    while reader.pop().is_some() {}
-    let mut wakes = Vec::new();
+/// How regularly all loops woke over `time` from now.
+async fn collect(readers: &mut [WakeReader], period: Duration, time: Duration) -> Regularity {
+    for reader in &mut *readers {
+        while reader.pop().is_some() {}
+    }
+    let mut wakes = vec![Vec::new(); readers.len()];
     let end = tokio::time::sleep(time);
     tokio::pin!(end);
     let mut look = tokio::time::interval(LOOK);
@@ -189,9 +203,11 @@ async fn collect(reader: &mut WakeReader, period: Duration, time: Duration) -> R
             () = &mut end => true,
             _ = look.tick() => false,
         };
-        wakes.extend(std::iter::from_fn(|| reader.pop()));
+        for (reader, wakes) in readers.iter_mut().zip(&mut wakes) {
+            wakes.extend(std::iter::from_fn(|| reader.pop()));
+        }
         if ended {
-            return Regularity::of(&wakes, period);
+            return Regularity::of_all(&wakes, period, time);
         }
     }
 }

@@ -61,17 +61,46 @@ pub(super) fn ready_position() -> Result<JointVector, JointVectorError> {
     JointVector::from_slice(&READY)
 }
 
-/// Writes the files of a robot into `folder`; returns the path of its robot file.
+/// Writes the files of a robot into `folder`; returns the path of its robot file. Its drives are
+/// off at the start.
 pub(super) fn write(folder: &Folder, spec: &RobotSpec) -> io::Result<PathBuf> {
+    let port = free_udp_socket()?.local_addr()?.port();
+    write_at(folder, spec, port, Drives::Off)
+}
+
+/// Writes the files of `arms` robots `arm_0`, `arm_1` and so on, of which `spec` says all but the
+/// name; returns the paths of their robot files. Their drives are switched on at the start.
+pub(super) fn write_fleet(
+    folder: &Folder,
+    spec: &RobotSpec,
+    arms: u32,
+) -> anyhow::Result<Vec<PathBuf>> {
+    // All are held until all are there, so that no two are the same.
+    let sockets = (0..arms).map(|_| free_udp_socket()).collect::<io::Result<Vec<_>>>()?;
+    let file = |(index, socket): (usize, &UdpSocket)| {
+        let spec = RobotSpec { name: format!("arm_{index}").parse()?, ..spec.clone() };
+        Ok(write_at(folder, &spec, socket.local_addr()?.port(), Drives::On)?)
+    };
+    sockets.iter().enumerate().map(file).collect()
+}
+
+/// Whether the drives are switched on at the start.
+#[derive(Clone, Copy, Debug)]
+enum Drives {
+    On,
+    Off,
+}
+
+fn write_at(folder: &Folder, spec: &RobotSpec, port: u16, drives: Drives) -> io::Result<PathBuf> {
     let Folder(folder) = folder;
     let urdf = folder.join("seven_axis_arm.urdf");
     std::fs::write(&urdf, URDF)?;
     let file = folder.join(format!("{}.yaml", spec.name));
-    std::fs::write(&file, text(spec, free_udp_port()?))?;
+    std::fs::write(&file, text(spec, port, drives))?;
     Ok(file)
 }
 
-fn text(spec: &RobotSpec, port: u16) -> String {
+fn text(spec: &RobotSpec, port: u16, drives: Drives) -> String {
     let table = |row: &dyn Fn(&str, f64) -> String| {
         let rows = JOINTS.iter().zip(READY).map(|(joint, ready)| row(joint, ready));
         rows.collect::<Vec<_>>().join(", ")
@@ -91,6 +120,7 @@ chains: [{{ name: arm, base_link: base_link, tip_link: tool0 }}]
 control:
   period_ms: {period_ms:?}
   tracking_lag_ms: {lag_ms:?}
+  enable_on_start: {enable_on_start}
   realtime: {{ priority: {priority}, lock_memory: true }}
 publish: {{ state_rate_hz: {state_rate_hz} }}
 driver:
@@ -100,12 +130,13 @@ driver:
 ",
         name = spec.name,
         uuid = Uuid::new_v4(),
+        enable_on_start = matches!(drives, Drives::On),
         state_rate_hz = spec.state_rate_hz,
     )
 }
 
-fn free_udp_port() -> io::Result<u16> {
-    Ok(UdpSocket::bind("127.0.0.1:0")?.local_addr()?.port())
+fn free_udp_socket() -> io::Result<UdpSocket> {
+    UdpSocket::bind("127.0.0.1:0")
 }
 
 /// A Zenoh endpoint that nobody listens on.
@@ -119,6 +150,30 @@ mod tests {
     use armada_agent::config::RobotConfig;
 
     use super::*;
+
+    #[test]
+    fn robots_of_a_fleet_differ_in_name_identity_and_address() {
+        let folder = Folder::make().expect("a folder");
+        let spec = RobotSpec {
+            name: "arm".parse().expect("a name"),
+            period: Duration::from_millis(10),
+            state_rate_hz: 100,
+            priority: None,
+        };
+        let files = write_fleet(&folder, &spec, 20).expect("written");
+        let configs = files.iter().map(|file| {
+            let config = RobotConfig::load(file).unwrap_or_else(|error| panic!("{error}"));
+            assert!(config.control.enable_on_start);
+            (config.robot, config.uuid, format!("{:?}", config.driver))
+        });
+        let configs: Vec<_> = configs.collect();
+        for (index, one) in configs.iter().enumerate() {
+            for other in configs.iter().skip(index + 1) {
+                assert!(one.0 != other.0 && one.1 != other.1 && one.2 != other.2, "{one:?}");
+            }
+        }
+        assert_eq!(configs.len(), 20);
+    }
 
     #[test]
     fn the_robot_file_is_valid_at_every_rate() {

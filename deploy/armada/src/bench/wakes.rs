@@ -11,7 +11,7 @@ use armada_agent::runtime::{Wake, WakeLog, enter, monotonic, sleep_until};
 use armada_model::MonoTime;
 use serde::{Deserialize, Serialize};
 
-/// How regularly a loop woke.
+/// How regularly loops woke.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Regularity {
     /// `|wake_k - wake_(k-1) - period|` of each pair of wake-ups in a row \[µs\].
@@ -21,6 +21,27 @@ pub(super) struct Regularity {
 }
 
 impl Regularity {
+    /// Of loops of one period over `time`, each with its wake-ups in their order. A loop that woke
+    /// less than twice has missed everything.
+    pub(super) fn of_all(loops: &[Vec<Wake>], period: Duration, time: Duration) -> Self {
+        let mut all = Self::default();
+        for wakes in loops {
+            let one = Self::of(wakes, period);
+            let lost = one.errors_us.is_empty();
+            all.errors_us.extend(one.errors_us);
+            all.missed += if lost { whole_periods(time, period) } else { one.missed };
+        }
+        all
+    }
+
+    /// Share of the periods without a tick, 0 to 1; 0 of no periods.
+    #[expect(clippy::cast_precision_loss, reason = "periods of a measurement are few")]
+    pub(super) fn missed_share(&self) -> f64 {
+        let missed = self.missed as f64;
+        let periods = missed + self.errors_us.len() as f64;
+        if periods > 0.0 { missed / periods } else { 0.0 }
+    }
+
     /// Of wake-ups in their order.
     pub(super) fn of(wakes: &[Wake], period: Duration) -> Self {
         let mut regularity = Self::default();
@@ -122,6 +143,17 @@ mod tests {
         assert_eq!(regularity.missed, 3);
         let rounded: Vec<_> = regularity.errors_us.iter().map(|us| us.round()).collect();
         assert_eq!(rounded, [3200.0, 200.0]);
+    }
+
+    #[test]
+    fn the_missed_share_is_of_all_loops_and_a_dead_one_has_missed_everything() {
+        let sound = vec![wake(1000, 0), wake(2000, 0), wake(4000, 0)];
+        let time = PERIOD * 6;
+        let one = Regularity::of_all(std::slice::from_ref(&sound), PERIOD, time);
+        assert_eq!((one.missed, one.missed_share()), (1, 1.0 / 3.0));
+        let two = Regularity::of_all(&[sound, vec![wake(1000, 0)]], PERIOD, time);
+        assert_eq!((two.missed, two.missed_share()), (7, 7.0 / 9.0));
+        assert_eq!(Regularity::of_all(&[], PERIOD, time).missed_share(), 0.0);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! `armada agent`: one robot's agent.
+//! `armada agent`: the agent of one or more robots.
 
 use std::path::PathBuf;
 
@@ -16,19 +16,21 @@ use crate::signals::Signals;
 #[command(after_help = "Examples:
   armada agent config/robots/left_arm.yaml --listen tcp/127.0.0.1:7451 \\
       --connect tcp/127.0.0.1:7447
+  armada agent config/robots/left_arm.yaml config/robots/right_arm.yaml
 
-One agent closes the control loop of one robot controller and speaks Zenoh for it. Agents of one
-cell should be linked to each other, each pair by one side only (by custom the smaller name dials),
+An agent closes the control loop of a robot's controller and speaks Zenoh for it. Several robots may
+share one agent: each has a control loop of its own and none depends on another, but they share the
+process and its Zenoh session, whose endpoints are those of all files. Agents of one cell should be linked to each other, each pair by one side only (by custom the smaller name dials),
 so that a stop reaches all of them without the gateway; `armada up` does that.
-On Ctrl-C or SIGTERM it ramps the robot to standstill before it ends.")]
+On Ctrl-C or SIGTERM it ramps all its robots to standstill before it ends.")]
 pub(crate) struct AgentArgs {
-    /// Robot file
-    #[arg(value_name = "ROBOT.yaml", value_hint = ValueHint::FilePath)]
-    robot: PathBuf,
-    /// Zenoh endpoint to listen on, instead of those of the robot file; repeat for several
+    /// Robot file; several for robots that share the agent
+    #[arg(value_name = "ROBOT.yaml", required = true, value_hint = ValueHint::FilePath)]
+    robots: Vec<PathBuf>,
+    /// Zenoh endpoint to listen on, instead of those of the robot files; repeat for several
     #[arg(long, value_name = "ENDPOINT")]
     listen: Vec<String>,
-    /// Zenoh endpoint to dial, instead of those of the robot file; repeat for several
+    /// Zenoh endpoint to dial, instead of those of the robot files; repeat for several
     #[arg(long, value_name = "ENDPOINT")]
     connect: Vec<String>,
     /// Prefix of every key of the cell
@@ -47,7 +49,7 @@ pub(crate) async fn run(args: AgentArgs) -> anyhow::Result<Exit> {
     let mut signals = Signals::new()?;
     let some = |endpoints: Vec<String>| (!endpoints.is_empty()).then_some(endpoints);
     let agent = Agent::start(AgentOptions {
-        robot_file: args.robot,
+        robot_files: args.robots,
         listen: some(args.listen),
         connect: some(args.connect),
         namespace: args.namespace,

@@ -1,0 +1,302 @@
+//! One robot of an agent: loop, publisher, desk and the keys it answers.
+
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+use std::thread::Thread;
+use std::time::Duration;
+
+use armada_protocol::RobotName;
+use armada_protocol::codec::WireEncoding;
+use armada_protocol::keys;
+use armada_protocol::messages::{CommandMode, EventKind, RobotFlags, SchedulingPolicy, Severity};
+use rtrb::Producer;
+use serde_json::Map;
+use tokio::sync::{Notify, mpsc, watch};
+use tokio::task::JoinHandle as Task;
+use tracing::{Instrument as _, Span, error, info, info_span, warn};
+use uuid::Uuid;
+use zenoh::Session;
+
+use super::agent::AgentError;
+use super::board::{Board, SharedBoard};
+use super::bus::{self, Keys};
+use super::clock::monotonic;
+use super::desk::{Desk, Inboxes, Remark};
+use super::equipment::SharedEquipment;
+use super::link::Link;
+use super::loop_thread::LoopThread;
+use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
+use super::meter::{Meter, MeterReader};
+use super::publisher::Publisher;
+use super::realtime::RealtimeReport;
+use super::requests::Requests;
+use super::robot::Robot;
+use super::stop_gate::StopGate;
+use super::stop_intake::StopIntake;
+use super::threads::Threads;
+use super::wake_log::WakeLog;
+use super::words::Vocabulary;
+use crate::control::{Input, LoopRequest, LoopState, Params, step};
+
+/// How long a robot that is shut down gets to stand still.
+const STANDSTILL_PATIENCE: Duration = Duration::from_secs(5);
+/// Events between loop, publisher and desk.
+const DESK_QUEUE: usize = 4096;
+/// Events kept for late joiners.
+const KEPT_EVENTS: usize = 256;
+
+/// A running robot of an agent. If it is dropped, its threads end without a ramp, and the
+/// controller's watchdog stops the robot.
+pub(super) struct RobotAgent {
+    name: RobotName,
+    requests: Arc<Requests>,
+    board: Arc<SharedBoard>,
+    remarks: mpsc::Sender<Remark>,
+    realtime: RealtimeReport,
+    threads: Threads,
+    desk: Task<()>,
+    span: Span,
+    _keys: Keys,
+}
+
+impl RobotAgent {
+    /// Starts the loop of a robot and opens its keys.
+    ///
+    /// # Errors
+    /// [`AgentError`]: nothing of this robot runs then.
+    pub(super) async fn start(
+        session: &Session,
+        robot: &Robot,
+        wake_log: Option<WakeLog>,
+    ) -> Result<Self, AgentError> {
+        let name = robot.config.robot.clone();
+        let span = info_span!("robot", %name);
+        let shared = Shared::new(session, robot).await?;
+        let (loop_end, publisher_end, orders) = mailbox(shared.board.lock().snapshot);
+        let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
+        let publisher = shared.publisher(session, robot, publisher_end, to_desk).await?;
+        // From here on an error drops the threads, which ends them.
+        let mut threads = Threads::new(Arc::clone(&shared.shutdown));
+        let publisher = threads.publish(publisher, &robot.config, span.clone())?;
+        let mut loop_thread = shared.loop_thread(robot, loop_end, publisher)?;
+        loop_thread.wake_log = wake_log;
+        let realtime = threads.control(loop_thread)?;
+        info!(robot = %name, period_ms = robot.config.control.period_ms, scheduling = %realtime,
+            "control loop runs");
+        let gate = Arc::clone(&shared.gate);
+        let (stop, stops) =
+            StopIntake::open(session, &name, gate).await.map_err(bus::zenoh_error)?;
+        let (remarks, remarked) = mpsc::channel(DESK_QUEUE);
+        let (cleared, cleared_seen) = watch::channel(0);
+        let desk = shared.desk(session, robot, realtime.policy, cleared).await?;
+        let changed = Arc::clone(&shared.changed);
+        let desk = desk.run(Inboxes { loop_events, stops, remarks: remarked, changed });
+        let desk = start_task(desk.instrument(span.clone()));
+        let requests = Arc::new(shared.requests(robot, orders, cleared_seen, remarks.clone()));
+        let keys = bus::open_keys(session, robot, &shared.board, &requests, stop).await?;
+        let board = shared.board;
+        let agent =
+            Self { name, requests, board, remarks, realtime, threads, desk, span, _keys: keys };
+        agent.remark(EventKind::Started, format!("agent {} started", env!("CARGO_PKG_VERSION")));
+        Ok(agent)
+    }
+
+    /// Its name.
+    pub(super) const fn name(&self) -> &RobotName {
+        &self.name
+    }
+
+    /// How its loop is scheduled.
+    pub(super) const fn realtime(&self) -> &RealtimeReport {
+        &self.realtime
+    }
+
+    /// Ramps the robot to standstill, says goodbye and ends.
+    ///
+    /// If the robot does not stand still in time, that is logged and the controller's own watchdog
+    /// is left to stop it.
+    pub(super) async fn shut_down(self) {
+        let span = self.span.clone();
+        self.end().instrument(span).await;
+    }
+
+    async fn end(self) {
+        self.come_to_rest().await;
+        self.remark(EventKind::Ending, "agent ends".to_owned());
+        let mut threads = self.threads;
+        let ended = tokio::task::spawn_blocking(move || threads.end()).await;
+        if !ended.unwrap_or(false) {
+            error!("a thread of the agent panicked");
+        }
+        // The publisher was the only source of loop events, so the desk ends by itself.
+        if self.desk.await.is_err() {
+            error!("the desk panicked");
+        }
+    }
+
+    async fn come_to_rest(&self) {
+        if let Err(denial) = self.requests.halt().await {
+            info!(%denial, "no halt needed");
+        }
+        let rest = async {
+            while self.is_commanded_to_move() {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+        };
+        if tokio::time::timeout(STANDSTILL_PATIENCE, rest).await.is_err() {
+            warn!("the robot still moves: its controller's watchdog has to stop it");
+        }
+    }
+
+    fn is_commanded_to_move(&self) -> bool {
+        let snapshot = self.board.lock().snapshot;
+        let connected = !snapshot.flags.contains(RobotFlags::COMMUNICATION_FAILURE);
+        let moves = snapshot.joint_velocity_command.iter().any(|&velocity| velocity != 0.0);
+        connected && snapshot.command_mode != CommandMode::InvalidState && moves
+    }
+
+    fn remark(&self, kind: EventKind, message: String) {
+        let remark = Remark { severity: Severity::Info, kind, message, details: Map::new() };
+        if self.remarks.try_send(remark).is_err() {
+            warn!("an event was lost: the desk does not keep up");
+        }
+    }
+}
+
+/// What the threads and tasks of one robot share.
+struct Shared {
+    boot_id: Uuid,
+    gate: Arc<StopGate>,
+    meter: Arc<Meter>,
+    board: Arc<SharedBoard>,
+    equipment: Arc<SharedEquipment>,
+    changed: Arc<Notify>,
+    shutdown: Arc<AtomicBool>,
+}
+
+impl Shared {
+    async fn new(session: &Session, robot: &Robot) -> Result<Self, AgentError> {
+        let boot_id = Uuid::now_v7();
+        let first = first_snapshot(&robot.params)?;
+        let vocabulary =
+            Vocabulary { robot: robot.config.robot.clone(), joints: robot.joints.clone() };
+        let info = robot.info(boot_id);
+        let publisher = bus::declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
+        Ok(Self {
+            boot_id,
+            gate: Arc::default(),
+            meter: Arc::default(),
+            board: Arc::new(SharedBoard::new(Board::new(vocabulary, boot_id, first))),
+            equipment: Arc::new(SharedEquipment::new(robot.book.clone(), info, publisher)),
+            changed: Arc::default(),
+            shutdown: Arc::default(),
+        })
+    }
+
+    async fn publisher(
+        &self,
+        session: &Session,
+        robot: &Robot,
+        mailbox: PublisherEnd,
+        desk: mpsc::Sender<StampedEvent>,
+    ) -> Result<Publisher, AgentError> {
+        let encoding = robot.config.publish.encoding;
+        let (state, joint_states) = (&keys::ROBOT_STATE, &keys::ROBOT_JOINT_STATES);
+        Ok(Publisher {
+            mailbox,
+            board: Arc::clone(&self.board),
+            desk,
+            state: bus::declare_latest(session, robot, state, encoding).await?,
+            joint_states: bus::declare_latest(session, robot, joint_states, encoding).await?,
+            boot_id: self.boot_id,
+            joint_names: robot.joint_names(),
+            chains: robot.chains.iter().map(|chain| chain.name.clone()).collect(),
+            in_force: Arc::clone(&robot.params.equipment),
+            equipment: Arc::clone(&self.equipment),
+            changed: Arc::clone(&self.changed),
+            shutdown: Arc::clone(&self.shutdown),
+        })
+    }
+
+    fn loop_thread(
+        &self,
+        robot: &Robot,
+        mailbox: LoopEnd,
+        publisher: Thread,
+    ) -> Result<LoopThread, AgentError> {
+        let driver = robot.driver(self.boot_id)?;
+        Ok(LoopThread {
+            name: robot.config.robot.to_string(),
+            params: robot.params.clone(),
+            state: LoopState::new(&robot.params)?,
+            link: Link::open(driver.endpoints())?,
+            driver,
+            mailbox,
+            gate: Arc::clone(&self.gate),
+            meter: Arc::clone(&self.meter),
+            realtime: robot.config.control.realtime,
+            ticks_per_sample: robot.ticks_per_sample(),
+            publisher,
+            shutdown: Arc::clone(&self.shutdown),
+            wake_log: None,
+        })
+    }
+
+    async fn desk(
+        &self,
+        session: &Session,
+        robot: &Robot,
+        policy: SchedulingPolicy,
+        cleared: watch::Sender<u64>,
+    ) -> Result<Desk, AgentError> {
+        let stop_acks = &keys::ROBOT_STOP_ACK;
+        Ok(Desk {
+            reader: MeterReader::new(robot.params.period, policy, monotonic()),
+            status: bus::declare_cached(session, robot, &keys::ROBOT_STATUS, 1).await?,
+            events: bus::declare_cached(session, robot, &keys::ROBOT_EVENTS, KEPT_EVENTS).await?,
+            stop_acks: bus::declare_latest(session, robot, stop_acks, WireEncoding::Json).await?,
+            session: session.clone(),
+            board: Arc::clone(&self.board),
+            meter: Arc::clone(&self.meter),
+            boot_id: self.boot_id,
+            event_seqno: 0,
+            cleared,
+        })
+    }
+
+    fn requests(
+        &self,
+        robot: &Robot,
+        orders: Producer<LoopRequest>,
+        cleared: watch::Receiver<u64>,
+        remarks: mpsc::Sender<Remark>,
+    ) -> Requests {
+        Requests {
+            board: Arc::clone(&self.board),
+            gate: Arc::clone(&self.gate),
+            params: robot.params.clone(),
+            limits: robot.limits,
+            joint_names: robot.joint_names(),
+            joint_types: robot.joint_types(),
+            orders: Mutex::new(orders),
+            prepared: Mutex::default(),
+            cleared,
+            remarks,
+            equipment: Arc::clone(&self.equipment),
+            abilities: robot.abilities.clone(),
+            boot_id: self.boot_id,
+        }
+    }
+}
+
+/// The snapshot before the first tick: what a step says that knows nothing.
+fn first_snapshot(params: &Params) -> Result<crate::control::Snapshot, AgentError> {
+    let mut state = LoopState::new(params)?;
+    let mut input = Input::at(monotonic());
+    Ok(step(params, &mut state, &mut input).snapshot)
+}
+
+#[expect(clippy::disallowed_methods, reason = "the runtime is where tasks are started")]
+fn start_task(task: impl Future<Output = ()> + Send + 'static) -> Task<()> {
+    tokio::spawn(task)
+}

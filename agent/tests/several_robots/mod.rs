@@ -1,0 +1,242 @@
+//! Several robots in one agent: one session, and otherwise nothing in common.
+
+use std::collections::BTreeMap;
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+
+use armada_agent::runtime::{Agent, AgentError, AgentOptions, Emulation};
+use armada_protocol::RobotName;
+use armada_protocol::client::{Client, ClientError};
+use armada_protocol::messages::*;
+use armada_protocol::method::robot::{JogFreespace, SetMode};
+use tempfile::TempDir;
+
+use crate::common::{self, DEADLINE, denial, emulate, free_tcp_port, stop_options};
+use crate::{goal, stop};
+
+/// Two arms in one agent, and a client of it.
+struct Pair {
+    names: [RobotName; 2],
+    emulations: [Option<Emulation>; 2],
+    agent: Agent,
+    client: Client,
+    _folder: TempDir,
+}
+
+impl Pair {
+    async fn start() -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let files = ["left_arm", "right_arm"].map(|name| common::robot_file(folder.path(), name));
+        let endpoint = free_endpoint();
+        let emulations = files.each_ref().map(|file| Some(emulate(file)));
+        let agent = Agent::start(options(&files, &endpoint)).await.expect("agent starts");
+        let client = common::connect(&endpoint).await;
+        let names = ["left_arm", "right_arm"].map(|name| name.parse().expect("a name"));
+        let pair = Self { names, emulations, agent, client, _folder: folder };
+        for name in &pair.names {
+            let ready = |s: &RobotStatus| s.next.iter().any(|next| next.contains("move"));
+            pair.status_when(name, ready).await;
+        }
+        pair
+    }
+
+    async fn status_when(
+        &self,
+        robot: &RobotName,
+        condition: impl Fn(&RobotStatus) -> bool,
+    ) -> RobotStatus {
+        let mut last = None;
+        let found = tokio::time::timeout(DEADLINE, async {
+            loop {
+                let status = self.client.robot_status(robot).await.expect("status");
+                if condition(&status) {
+                    return status;
+                }
+                last = Some(status);
+                tokio::task::yield_now().await;
+            }
+        });
+        found.await.unwrap_or_else(|_| panic!("{robot} never was as expected: {last:#?}"))
+    }
+
+    async fn jog(&self, robot: &RobotName, first: f64) -> Result<Accepted, ClientError> {
+        self.client.call::<SetMode>(robot, SetModeParams { mode: CommandMode::Jog }).await?;
+        self.client.call::<JogFreespace>(robot, goal(first)).await
+    }
+
+    async fn end_of(&self, robot: &RobotName, motion: &Accepted) -> ActionStatus {
+        let ended = |s: &RobotStatus| s.motion.is_none();
+        self.status_when(robot, ended).await;
+        self.client.motion(robot, motion.motion_id).await.expect("on record").status
+    }
+}
+
+fn free_endpoint() -> String {
+    format!("tcp/127.0.0.1:{}", free_tcp_port())
+}
+
+fn options(files: &[PathBuf], endpoint: &str) -> AgentOptions {
+    AgentOptions {
+        robot_files: files.to_vec(),
+        listen: Some(vec![endpoint.to_owned()]),
+        connect: Some(Vec::new()),
+        namespace: None,
+        insecure_lan: false,
+    }
+}
+
+fn append(file: &Path, text: &str) {
+    let mut file = OpenOptions::new().append(true).open(file).expect("the file is there");
+    file.write_all(text.as_bytes()).expect("written");
+}
+
+async fn refusal(options: AgentOptions) -> AgentError {
+    match Agent::start(options).await {
+        Err(error) => error,
+        Ok(_) => panic!("the agent starts"),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_of_one_robot_leaves_the_other_of_its_agent_moving() {
+    let pair = Pair::start().await;
+    let [left, right] = &pair.names;
+    let stopped = pair.jog(left, 1.0).await.expect("jog");
+    let moving = pair.jog(right, 0.5).await.expect("jog");
+    let mut request = stop(StopLevel::L2);
+    request.scope = StopScope::Robots(vec![left.clone()]);
+    let report = pair.client.stop(request, stop_options()).await.expect("stop is sent");
+    assert_eq!(report.verdict, StopVerdict::Complete, "{report:?}");
+    assert_eq!(pair.end_of(left, &stopped).await, ActionStatus::Failed);
+    assert_eq!(pair.end_of(right, &moving).await, ActionStatus::Complete);
+    assert_eq!(denial(pair.jog(left, 0.0).await).code, DenialCode::Stopped);
+    pair.agent.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_of_the_cell_stops_every_robot_of_an_agent() {
+    let pair = Pair::start().await;
+    let report = pair.client.stop(stop(StopLevel::L2), stop_options()).await.expect("stop");
+    assert_eq!(report.verdict, StopVerdict::Complete, "{report:?}");
+    for name in &pair.names {
+        pair.status_when(name, |status| status.stop.is_some()).await;
+    }
+    pair.agent.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_that_loses_its_controller_takes_no_other_along() {
+    let mut pair = Pair::start().await;
+    let moving = pair.jog(&pair.names[1], 0.5).await.expect("jog");
+    pair.emulations[0] = None;
+    let lost = pair.status_when(&pair.names[0], |status| !status.faults.is_empty()).await;
+    assert_eq!(lost.faults[0].code, FaultCode::CommunicationLost);
+    let right = &pair.names[1];
+    assert_eq!(pair.end_of(right, &moving).await, ActionStatus::Complete);
+    assert!(pair.status_when(right, |_| true).await.faults.is_empty());
+    pair.agent.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_robot_of_an_agent_has_been_ramped_to_rest_when_it_has_ended() {
+    let pair = Pair::start().await;
+    let states = pair.client.subscribe::<RobotState>("robots/*/state", 1000).await.expect("states");
+    let ends = pair.client.subscribe::<Event>("robots/*/events", 100).await.expect("events");
+    for name in &pair.names {
+        pair.jog(name, 1.5).await.expect("jog");
+    }
+    let (mut fastest, mut last) = (BTreeMap::new(), BTreeMap::new());
+    let mut note = |key: String, state: RobotState| {
+        let speed = state.joint_velocity_command_rad_s.first().copied().unwrap_or_default().abs();
+        let fastest = fastest.entry(key.clone()).or_insert(0.0);
+        *fastest = speed.max(*fastest);
+        last.insert(key, speed);
+        last.len() == 2 && last.values().all(|&speed| speed > 0.2)
+    };
+    let both_move = async {
+        while let Ok((key, state)) = states.next().await {
+            if note(key, state) {
+                return;
+            }
+        }
+    };
+    tokio::time::timeout(DEADLINE, both_move).await.expect("both move");
+    pair.agent.shut_down().await;
+    let mut goodbyes: Vec<RobotName> = Vec::new();
+    while let Ok(Some((_, event))) = ends.try_next() {
+        goodbyes.extend(event.robot.filter(|_| event.kind == EventKind::Ending));
+    }
+    goodbyes.sort();
+    assert_eq!(goodbyes, pair.names, "both say goodbye");
+    while let Ok(Some((key, state))) = states.try_next() {
+        note(key, state);
+    }
+    assert!(last.values().all(|&speed| speed == 0.0), "{last:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_agent_listens_where_all_its_files_say_and_never_dials_itself() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let files = ["left_arm", "right_arm"].map(|name| common::robot_file(folder.path(), name));
+    let endpoints = [free_endpoint(), free_endpoint()];
+    append(&files[0], &format!("\nzenoh: {{ listen: ['{}'] }}\n", endpoints[0]));
+    let dials = format!("connect: ['{}']", endpoints[0]);
+    append(&files[1], &format!("\nzenoh: {{ listen: ['{}'], {dials} }}\n", endpoints[1]));
+    let own = AgentOptions { listen: None, connect: None, ..options(&files, "") };
+    let agent = Agent::start(own).await.expect("agent starts");
+    for endpoint in &endpoints {
+        let client = common::connect(endpoint).await;
+        for name in ["left_arm", "right_arm"] {
+            let name = name.parse().expect("a name");
+            assert_eq!(client.robot_info(&name).await.expect("it answers").robot, name);
+        }
+        client.close();
+    }
+    agent.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn robots_that_cannot_share_an_agent_are_told_apart_before_anything_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let endpoint = free_endpoint();
+    let first = common::robot_file(folder.path(), "left_arm");
+    let error = refusal(options(&[], &endpoint)).await;
+    assert!(matches!(error, AgentError::NoRobot), "{error}");
+    let roundabout = folder.path().join(".").join("left_arm.yaml");
+    let error = refusal(options(&[first.clone(), roundabout.clone()], &endpoint)).await;
+    assert!(matches!(&error, AgentError::SameFile(file) if *file == roundabout), "{error}");
+    let copy = folder.path().join("copy.yaml");
+    std::fs::copy(&first, &copy).expect("copied");
+    let error = refusal(options(&[first.clone(), copy.clone()], &endpoint)).await;
+    let AgentError::SameName { robot, files } = &error else { panic!("{error}") };
+    assert_eq!((robot.as_str(), files), ("left_arm", &[first, copy]));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_robot_that_cannot_start_leaves_none_running() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let files = ["sound", "unreachable"].map(|name| common::robot_file(folder.path(), name));
+    let _controller = emulate(&files[0]);
+    let text = std::fs::read_to_string(&files[1]).expect("the file is there");
+    let address = text.lines().find(|line| line.trim().starts_with("address:")).expect("a line");
+    // The system lets nobody send there who has not asked for broadcasts.
+    let text = text.replace(address, "    address: 255.255.255.255:47101");
+    std::fs::write(&files[1], text).expect("written");
+    let port = free_tcp_port();
+    let error = refusal(options(&files, &format!("tcp/127.0.0.1:{port}"))).await;
+    let AgentError::Robot { robot, cause } = &error else { panic!("{error}") };
+    assert_eq!(robot.as_str(), "unreachable");
+    assert!(matches!(**cause, AgentError::Link(_)), "{error}");
+    let left: Vec<_> = threads().into_iter().filter(|name| name.contains("-sound")).collect();
+    assert!(left.is_empty(), "{left:?}");
+    TcpListener::bind(("127.0.0.1", port)).expect("the session is closed");
+}
+
+/// Names of the threads of this process.
+fn threads() -> Vec<String> {
+    let tasks = std::fs::read_dir("/proc/self/task").expect("there is a /proc");
+    let names = tasks.filter_map(Result::ok).map(|task| task.path().join("comm"));
+    names.filter_map(|name| std::fs::read_to_string(name).ok()).collect()
+}
