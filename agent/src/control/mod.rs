@@ -29,9 +29,11 @@
 mod controller;
 mod equipment;
 mod io;
+mod jogging;
 mod limit;
 mod mode;
 mod motion;
+mod operational;
 mod orders;
 mod standstill;
 mod state;

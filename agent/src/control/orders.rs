@@ -4,8 +4,8 @@ use armada_model::MotionState;
 use armada_protocol::messages::{CommandMode, FaultCode};
 use uuid::Uuid;
 
-use super::io::{FollowOrder, JogOrder, LoopRequest, Order, Refusal, Retired};
-use super::motion::{End, JogMotion, Motion, Source, StartPoint, TrajectoryMotion};
+use super::io::{FollowOrder, LoopRequest, Order, Refusal, Retired};
+use super::motion::{End, Motion, Source, StartPoint, TrajectoryMotion};
 use super::state::{LoopState, Tick};
 use super::values::{ValueOrder, ValuePlace};
 use crate::drivers::{DriverRequest, Values};
@@ -34,8 +34,9 @@ impl LoopState {
             Order::AcquireLease { .. } | Order::RenewLease(_) | Order::ReleaseLease(_) => {
                 Err(Refusal::NotSupported("leases"))
             }
-            Order::Home(_) => Err(Refusal::NotSupported("homing")),
-            Order::JogJoint(_) | Order::JogCartesian(_) => Err(Refusal::NotSupported("jogs")),
+            Order::Home(order) => self.home(tick, &order).map(granted),
+            Order::JogJoint(order) => self.jog_joint(tick, &order).map(granted),
+            Order::JogCartesian(order) => self.jog_cartesian(tick, &order).map(granted),
             Order::Delegate(_) => Err(Refusal::NotSupported("delegated moves")),
             Order::Pause(_) | Order::Resume(_) => Err(Refusal::NotSupported("pauses")),
             Order::SetSpeedRatio(_) => Err(Refusal::NotSupported("speed ratios")),
@@ -113,24 +114,6 @@ impl LoopState {
         }
     }
 
-    fn jog(&mut self, tick: &mut Tick<'_>, order: &JogOrder) -> Result<(), Refusal> {
-        self.check_motion_mode(CommandMode::Jog)?;
-        let running = self.motion.as_ref().filter(|_| self.ramp.is_none());
-        if running.is_some_and(|motion| motion.id == order.id) {
-            // A motion has one terminal status, so one identity cannot end and go on.
-            return Err(Refusal::Busy(order.id));
-        }
-        let start = match running.map(|motion| &motion.source) {
-            // On the curve, not between the set-points: so its velocity stays continuous.
-            Some(Source::Jog(jog)) => jog.state(tick.period_s()),
-            _ => self.rest()?,
-        };
-        let jog = JogMotion::plan(order, &start, &self.limits)?;
-        self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
-        self.motion = Some(Motion::new(order.id, Source::Jog(jog)));
-        Ok(())
-    }
-
     fn follow(&mut self, tick: &mut Tick<'_>, order: FollowOrder) -> Result<(), Refusal> {
         match self.plan_to_follow(tick, &order) {
             Ok(trajectory) => {
@@ -154,6 +137,7 @@ impl LoopState {
             return Err(Refusal::EpochPassed { given, current: self.epoch });
         }
         self.check_motion_mode(CommandMode::Trajectory)?;
+        self.check_homed()?;
         if let Some(motion) = self.motion.as_ref().filter(|_| self.ramp.is_none()) {
             return Err(Refusal::Busy(motion.id));
         }
@@ -167,6 +151,11 @@ impl LoopState {
         let motion = self.motion.as_mut().filter(|motion| motion.id == id);
         let motion = motion.ok_or(Refusal::NoSuchMotion)?;
         motion.cancelling = true;
+        if motion.is_controllers() {
+            // Ends when the controller has shown that it stopped.
+            self.stop_own_motion();
+            return Ok(());
+        }
         self.decelerate(tick);
         if self.ramp.is_none() {
             self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
@@ -175,7 +164,7 @@ impl LoopState {
     }
 
     /// The state a motion begins in that does not follow another.
-    fn rest(&self) -> Result<MotionState, Refusal> {
+    pub(super) fn rest(&self) -> Result<MotionState, Refusal> {
         self.check_standing()?;
         let last = self.limiter.last().ok_or(Refusal::NotReady)?;
         Ok(MotionState { position: last.position, velocity: last.velocity.map_indexed(|_, _| 0.0) })

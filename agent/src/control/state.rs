@@ -11,7 +11,8 @@ use super::controller::Controller;
 use super::equipment::{Equipment, OwedLoads};
 use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
-use super::motion::{End, Motion};
+use super::motion::{End, Motion, OwnMotion};
+use super::operational::reduced_limits;
 use super::standstill::Standstill;
 use super::stop::Stop;
 use super::tracking::Tracking;
@@ -25,6 +26,8 @@ pub(super) const MAX_FAULTS: usize = 10;
 #[derive(Debug)]
 pub struct LoopState {
     pub(super) limits: MotionLimits,
+    /// Limits at reduced speed; see [`limits_in_force`](Self::limits_in_force).
+    pub(super) reduced: MotionLimits,
     pub(super) seqno: u64,
     /// Changed by [`raise_epoch`](Self::raise_epoch) only.
     pub(super) epoch: u64,
@@ -42,6 +45,8 @@ pub struct LoopState {
     pub(super) hold: JointVector,
     pub(super) ramp: Option<StopRamp>,
     pub(super) motion: Option<Motion>,
+    /// What the controller is told about motions that it makes itself.
+    pub(super) own_motion: OwnMotion,
     /// Speed of all motions, 0.01 to 1.
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
@@ -116,6 +121,7 @@ impl LoopState {
     /// [`ParamsError::Period`] if the period is zero or longer than the communication timeout.
     pub fn new(params: &Params) -> Result<Self, ParamsError> {
         let limits = MotionLimits::new(&params.limits)?;
+        let reduced = reduced_limits(params)?;
         let expected = limits.len();
         for (field, vector) in [
             ("start_tolerance", &params.start_tolerance),
@@ -133,6 +139,7 @@ impl LoopState {
         }
         Ok(Self {
             limits,
+            reduced,
             seqno: 0,
             epoch: 0,
             mode: CommandMode::InvalidState,
@@ -146,6 +153,7 @@ impl LoopState {
             hold: JointVector::EMPTY,
             ramp: None,
             motion: None,
+            own_motion: OwnMotion::default(),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
             owed_loads: OwedLoads::ALL,

@@ -11,7 +11,7 @@ use armada_protocol::keys;
 use armada_protocol::messages::{CommandMode, EventKind, RobotFlags, SchedulingPolicy, Severity};
 use rtrb::Producer;
 use serde_json::Map;
-use tokio::sync::{Notify, mpsc, watch};
+use tokio::sync::{Notify, Semaphore, mpsc, watch};
 use tokio::task::JoinHandle as Task;
 use tracing::{Instrument as _, Span, error, info, info_span, warn};
 use uuid::Uuid;
@@ -29,7 +29,7 @@ use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
 use super::publisher::Publisher;
 use super::realtime::RealtimeReport;
-use super::requests::Requests;
+use super::requests::{MAX_WAITS, Requests};
 use super::robot::Robot;
 use super::stop_gate::StopGate;
 use super::stop_intake::StopIntake;
@@ -284,6 +284,7 @@ impl Shared {
             remarks,
             equipment: Arc::clone(&self.equipment),
             abilities: robot.abilities.clone(),
+            waits: Semaphore::new(MAX_WAITS),
             boot_id: self.boot_id,
         }
     }
