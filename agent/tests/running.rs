@@ -144,7 +144,7 @@ async fn refusals_say_what_is_wrong() {
     let (client, robot) = (&bench.client, &bench.robot);
     let refused = denial(client.call::<JogFreespace>(robot, goal(0.1)).await);
     assert_eq!(refused.code, DenialCode::WrongMode, "{refused}");
-    let unsupported = SetModeParams { mode: CommandMode::Homing };
+    let unsupported = SetModeParams { mode: CommandMode::InvalidState };
     let refused = denial(client.call::<SetMode>(robot, unsupported).await);
     assert_eq!(refused.code, DenialCode::NotSupported, "{refused}");
     set_mode(&bench, CommandMode::Jog).await;

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use armada_protocol::codec::WireEncoding;
+use armada_protocol::messages::OperationalMode;
 use serde::Deserialize;
 use serde::de::Deserializer;
 
@@ -36,6 +37,12 @@ pub struct ControlConfig {
     /// How long the controller has to switch its drives or clear its errors \[ms\], 100 to 7000
     /// (the contract lets clients wait 8000); default 5000.
     pub request_timeout_ms: f64,
+    /// How long the controller may search the references of one group of joints \[ms\], 100 to
+    /// 600000; default 60000.
+    pub homing_timeout_ms: f64,
+    /// The operational mode of a controller that reports none; by default it is not known, which
+    /// is as restricted as `manual_reduced_speed`.
+    pub operational_mode: OperationalMode,
     /// Whether drives are switched on when the controller first answers; default false, and
     /// nothing else for a real robot.
     pub enable_on_start: bool,
@@ -90,6 +97,8 @@ impl Default for ControlConfig {
             standstill_velocity_m_s: 0.002,
             standstill_hold_ms: 50.0,
             request_timeout_ms: 5000.0,
+            homing_timeout_ms: 60_000.0,
+            operational_mode: OperationalMode::Undefined,
             enable_on_start: false,
             realtime: RealtimeConfig::default(),
         }
@@ -128,6 +137,7 @@ impl ControlConfig {
         check_range("standstill_velocity_m_s", self.standstill_velocity_m_s, 1e-6..=0.5)?;
         check_range("standstill_hold_ms", self.standstill_hold_ms, 0.0..=5e3)?;
         check_range("request_timeout_ms", self.request_timeout_ms, 100.0..=7e3)?;
+        check_range("homing_timeout_ms", self.homing_timeout_ms, 100.0..=6e5)?;
         match self.realtime.priority {
             Some(priority) => check_range("realtime.priority", f64::from(priority), 1.0..=99.0),
             None => Ok(()),

@@ -62,6 +62,8 @@ impl RobotConfig {
             standstill_hold: millis(control.standstill_hold_ms),
             request_timeout: millis(control.request_timeout_ms),
             enable_on_start: control.enable_on_start,
+            homing_timeout: millis(control.homing_timeout_ms),
+            operational_mode: control.operational_mode,
             reduced: joints.iter().map(|joint| joint.reduced).collect(),
             home: joints.iter().map(|joint| joint.home).collect(),
             equipment: Arc::new(self.equipment(model)?.for_loop()),

@@ -81,6 +81,10 @@ impl Robot {
         self.joints.iter().map(|joint| joint.joint_type).collect()
     }
 
+    pub(super) fn chain_names(&self) -> Vec<String> {
+        self.chains.iter().map(|chain| chain.name.clone()).collect()
+    }
+
     pub(super) fn driver(&self, boot_id: Uuid) -> Result<Box<dyn Driver>, AgentError> {
         let (high, low) = boot_id.as_u64_pair();
         let nonce = NonZeroU64::new(high ^ low).unwrap_or(NonZeroU64::MIN);

@@ -210,7 +210,7 @@ impl Shared {
             joint_states: bus::declare_latest(session, robot, joint_states, encoding).await?,
             boot_id: self.boot_id,
             joint_names: robot.joint_names(),
-            chains: robot.chains.iter().map(|chain| chain.name.clone()).collect(),
+            chains: robot.chain_names(),
             in_force: Arc::clone(&robot.params.equipment),
             equipment: Arc::clone(&self.equipment),
             changed: Arc::clone(&self.changed),
@@ -284,6 +284,7 @@ impl Shared {
             remarks,
             equipment: Arc::clone(&self.equipment),
             abilities: robot.abilities.clone(),
+            chain_names: robot.chain_names(),
             waits: Semaphore::new(MAX_WAITS),
             boot_id: self.boot_id,
         }

@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime, OnlineState};
 
-use super::tool_speed::set_tool_speed;
+use super::twist::joint_velocity;
 use super::{Drive, Next, SpeedFollower};
 use crate::control::equipment::MAX_CHAINS;
 use crate::control::io::TwistTarget;
@@ -92,19 +92,21 @@ impl DeadManJog {
                 self.follower.tick(&wanted, &drive.limits, drive.period_s);
             }
             Wanted::Tools(twists) => {
-                let position = self.follower.state().position;
+                let (position, limits) = (self.follower.state().position, &drive.limits);
                 let mut wanted = position.map_indexed(|_, _| 0.0);
                 let chains = &drive.equipment.chains;
                 let chain_of = |target: &TwistTarget| chains.get(usize::from(target.chain));
                 for target in twists.iter().flatten() {
                     let slower = TwistTarget { twist: target.twist.scaled(ratio), ..*target };
-                    if let Some(chain) = chain_of(target) {
-                        set_tool_speed(&mut wanted, chain, &slower, &position, &drive.limits);
-                    }
+                    // No two of the chains have a joint in common.
+                    let speeds = joint_velocity(&slower, drive.equipment, &position, limits);
+                    wanted = wanted.map_indexed(|joint, speed| {
+                        speed + speeds.get(joint).copied().unwrap_or(0.0)
+                    });
                 }
                 let moved = twists.iter().flatten().filter_map(chain_of);
                 let groups = moved.map(|chain| chain.joints.as_slice());
-                self.follower.tick_together(&wanted, groups, &drive.limits, drive.period_s);
+                self.follower.tick_together(&wanted, groups, limits, drive.period_s);
             }
         }
         let state = self.follower.state().motion_state();

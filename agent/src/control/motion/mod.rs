@@ -16,8 +16,8 @@ mod home;
 mod jog;
 mod ramp;
 mod speed;
-mod tool_speed;
 mod trajectory;
+mod twist;
 
 pub(super) use dead_man::{DeadManJog, Wanted};
 pub(super) use home::{HomeMotion, OwnMotion};

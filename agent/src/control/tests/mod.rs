@@ -2,7 +2,9 @@
 
 mod controller;
 mod faults;
+mod home;
 mod jog;
+mod jog_joint;
 mod limiter;
 mod modes;
 mod properties;

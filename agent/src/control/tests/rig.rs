@@ -18,7 +18,7 @@ use crate::control::{
     FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
     MotionReport, Order, Output, Params, Refusal, Retired, step,
 };
-use crate::drivers::{DriverRequest, Feedback, SetPoint};
+use crate::drivers::{DriverRequest, Feedback, JointSet, SetPoint};
 
 pub(super) const PERIOD: Duration = Duration::from_millis(4);
 pub(super) const JOINTS: usize = 3;
@@ -100,6 +100,11 @@ pub(super) struct Plant {
     /// By how much the first joint drifts per tick, whatever it is told.
     pub(super) creep: f64,
     pub(super) reports_velocity: bool,
+    pub(super) operational_mode: OperationalMode,
+    pub(super) homed: JointSet,
+    pub(super) homing: JointSet,
+    /// Ticks until the references searched for are found; never if `None`.
+    pub(super) finds_after: Option<u32>,
     pub(super) asked: Vec<DriverRequest>,
     last: Option<Feedback>,
 }
@@ -122,6 +127,10 @@ impl Plant {
             blocked: false,
             creep: 0.0,
             reports_velocity: true,
+            operational_mode: OperationalMode::Cobot,
+            homed: JointSet::first(JOINTS),
+            homing: JointSet::NONE,
+            finds_after: None,
             asked: Vec::new(),
             last: None,
         }
@@ -147,7 +156,9 @@ impl Plant {
                 ready: self.ready,
                 emergency_stop: self.emergency_stop,
                 error_code: self.error_code,
-                operational_mode: OperationalMode::Cobot,
+                operational_mode: self.operational_mode,
+                homed: self.homed,
+                homing: self.homing,
                 ..Feedback::of(now, self.position)
             });
         }
@@ -163,6 +174,7 @@ impl Plant {
                 self.obeying.push((ticks, request));
             }
         }
+        self.search();
         for (ticks, _) in &mut self.obeying {
             *ticks = ticks.saturating_sub(1);
         }
@@ -172,11 +184,34 @@ impl Plant {
                 DriverRequest::Disable => (self.enabled, self.ready) = (false, false),
                 DriverRequest::ResetErrors if self.emergency_stop => {}
                 DriverRequest::ResetErrors => (self.error_code, self.ready) = (0, self.enabled),
+                DriverRequest::Home(joints) => {
+                    self.homed = JointSet::from_bits(self.homed.bits() & !joints.bits());
+                    self.homing = joints;
+                }
+                DriverRequest::StopMotion => self.homing = JointSet::NONE,
                 // Not among the abilities of this controller.
                 _ => {}
             }
         }
         self.go(command);
+    }
+
+    /// A tick of a search: the joints creep until their references are found.
+    fn search(&mut self) {
+        if self.homing.is_empty() {
+            return;
+        }
+        let homing = self.homing;
+        let creep = |joint: usize, x: f64| if homing.contains(joint) { x + 1e-3 } else { x };
+        self.position = self.position.map_indexed(creep);
+        match &mut self.finds_after {
+            Some(0) => {
+                self.homed = JointSet::from_bits(self.homed.bits() | homing.bits());
+                (self.homing, self.finds_after) = (JointSet::NONE, Some(20));
+            }
+            Some(ticks) => *ticks -= 1,
+            None => {}
+        }
     }
 
     /// A period passes in which nothing is sent.
@@ -477,8 +512,10 @@ impl Watch {
     ) {
         assert!(output.snapshot.epoch >= self.epoch, "the epoch went back");
         self.epoch = output.snapshot.epoch;
-        let motion_mode =
-            matches!(output.snapshot.command_mode, CommandMode::Jog | CommandMode::Trajectory);
+        let motion_mode = matches!(
+            output.snapshot.command_mode,
+            CommandMode::Jog | CommandMode::Trajectory | CommandMode::Homing
+        );
         assert!(output.snapshot.motion.is_none() || (motion_mode && stop.is_none()));
         self.most_events = self.most_events.max(output.events.len());
         for event in &output.events {

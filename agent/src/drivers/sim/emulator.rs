@@ -296,7 +296,7 @@ impl SimEmulator {
             enabled: self.controller.enabled(),
             ready: self.controller.ready(),
             emergency_stop: self.controller.emergency_stop(),
-            operational_mode: OperationalMode::Auto,
+            operational_mode: OperationalMode::Cobot,
             error: self.controller.error(),
             position: measurement.position,
             velocity: measurement.velocity,

@@ -50,6 +50,7 @@ pub(super) struct Requests {
     pub(super) limits: MotionLimits,
     pub(super) joint_names: Vec<String>,
     pub(super) joint_types: Vec<JointType>,
+    pub(super) chain_names: Vec<String>,
     pub(super) orders: Mutex<Producer<LoopRequest>>,
     pub(super) prepared: Mutex<HashMap<Uuid, PreparedMotion>>,
     /// Places for requests that are answered at the end of their motion.
