@@ -28,7 +28,7 @@ use serde::Deserialize;
 use uuid::Uuid;
 
 pub use chains::ChainConfig;
-pub use control::{ControlConfig, PublishConfig, RealtimeConfig, ZenohConfig};
+pub use control::{ControlConfig, Delegate, PublishConfig, RealtimeConfig, ZenohConfig};
 pub use error::ConfigError;
 pub use joints::{JointConfig, JointOverrides};
 pub use problem::Problem;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use armada_model::{JointType, JointVector, PositionSource, RobotModel};
 use armada_protocol::messages::{ChainInfo, JointInfo};
 
-use super::{ChainConfig, ConfigError, JointConfig, Problem, RobotConfig, millis};
+use super::{ChainConfig, ConfigError, Delegate, JointConfig, Problem, RobotConfig, millis};
 use crate::control::Params;
 use crate::drivers::DriverSetup;
 
@@ -62,6 +62,7 @@ impl RobotConfig {
             standstill_hold: millis(control.standstill_hold_ms),
             request_timeout: millis(control.request_timeout_ms),
             enable_on_start: control.enable_on_start,
+            delegates: control.delegate == Delegate::Auto,
             homing_timeout: millis(control.homing_timeout_ms),
             operational_mode: control.operational_mode,
             reduced: joints.iter().map(|joint| joint.reduced).collect(),

@@ -67,6 +67,8 @@ pub struct Params {
     pub operational_mode: OperationalMode,
     /// What the controller can do besides following set-points.
     pub abilities: LoopAbilities,
+    /// Whether single moves are left to the controller, if it can and nobody says otherwise.
+    pub delegates: bool,
     /// The chains with their tools at the start.
     pub equipment: Arc<Equipment>,
     /// Where the feedback shows each signal of the controller.
@@ -110,6 +112,7 @@ impl Params {
             enable_on_start: false,
             operational_mode: OperationalMode::Undefined,
             abilities: LoopAbilities::default(),
+            delegates: false,
             equipment: Arc::default(),
             signals: Vec::new(),
             parameters: Vec::new(),

@@ -13,6 +13,7 @@ use armada_protocol::messages::{
 };
 use uuid::Uuid;
 
+use super::connected::Connected;
 use super::motion_log::MotionLog;
 use super::words::Vocabulary;
 use crate::control::{Granted, Refusal, Snapshot};
@@ -40,6 +41,7 @@ pub(super) struct Board {
     pub(super) boot_id: Uuid,
     pub(super) snapshot: Snapshot,
     pub(super) motions: MotionLog,
+    pub(super) connected: Connected,
     pub(super) faults: Vec<Fault>,
     pub(super) stop: Option<StopRecord>,
     /// Stages the loop has reported since the gate was closed, with their times.
@@ -79,6 +81,7 @@ impl Board {
             boot_id,
             snapshot,
             motions: MotionLog::default(),
+            connected: Connected::default(),
             faults: Vec::new(),
             stop: None,
             stages: Vec::new(),

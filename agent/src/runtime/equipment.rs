@@ -8,7 +8,7 @@ use tokio::sync::MutexGuard;
 use tracing::debug;
 
 use crate::control::Equipment;
-use crate::equipment::{EquipmentBook, EquipmentChange};
+use crate::equipment::{EquipmentBook, EquipmentChange, EquipmentError};
 
 /// What the chains carry: the book, what of it the loop may have in force, and the info.
 pub(super) struct SharedEquipment {
@@ -17,6 +17,8 @@ pub(super) struct SharedEquipment {
     /// The equipment in force and what is offered to the loop; told apart by their revisions.
     offered: Mutex<Vec<Arc<Equipment>>>,
     info: Mutex<RobotInfo>,
+    /// As it was at the start, to find chains by their names.
+    first: EquipmentBook,
     publisher: Cached,
 }
 
@@ -29,10 +31,12 @@ pub(super) struct Ledger {
 impl SharedEquipment {
     pub(super) fn new(book: EquipmentBook, info: RobotInfo, publisher: Cached) -> Self {
         let in_force = Arc::new(book.for_loop());
+        let first = book.clone();
         Self {
             ledger: tokio::sync::Mutex::new(Ledger { book, doubtful: Vec::new() }),
             offered: Mutex::new(vec![in_force]),
             info: Mutex::new(info),
+            first,
             publisher,
         }
     }
@@ -40,6 +44,12 @@ impl SharedEquipment {
     /// The robot's description as it is now.
     pub(super) fn info(&self) -> RobotInfo {
         self.info.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Number and name of the chain of this name, or of the only one.
+    pub(super) fn chain(&self, name: Option<&str>) -> Result<(usize, String), EquipmentError> {
+        let chain = self.first.chain(name)?;
+        Ok((chain, self.first.chain_name(chain).to_owned()))
     }
 
     /// The chains with their tools of this revision, if the loop can have it.

@@ -23,6 +23,7 @@ mod board;
 mod bus;
 mod capabilities;
 mod clock;
+mod connected;
 mod desk;
 mod emulation;
 mod equipment;

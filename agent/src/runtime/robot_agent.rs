@@ -284,6 +284,7 @@ impl Shared {
             remarks,
             equipment: Arc::clone(&self.equipment),
             abilities: robot.abilities.clone(),
+            planning: tokio::sync::Mutex::default(),
             chain_names: robot.chain_names(),
             waits: Semaphore::new(MAX_WAITS),
             boot_id: self.boot_id,

@@ -59,6 +59,8 @@ pub(super) struct Requests {
     pub(super) remarks: mpsc::Sender<Remark>,
     pub(super) equipment: Arc<SharedEquipment>,
     pub(super) abilities: Abilities,
+    /// Held while a single move is planned and handed over.
+    pub(super) planning: tokio::sync::Mutex<()>,
     pub(super) boot_id: Uuid,
 }
 
@@ -181,9 +183,16 @@ impl Requests {
         order: Order,
     ) -> Result<Accepted, Denial> {
         let (id, duration_s) = (motion.id, motion.duration_s);
+        let end = match &order {
+            Order::Follow(order) => Some(order.trajectory.end()),
+            _ => None,
+        };
         self.begin(asker, motion)?;
         match self.ask(asker, order, LOOP_PATIENCE).await {
             Ok(Granted { epoch, .. }) => {
+                if let Some(end) = end {
+                    self.board.lock().connected.note_end(id, end);
+                }
                 // Only the loop knows how long a jog takes; its snapshot came before its answer.
                 let known = self.board.lock().snapshot.motion.filter(|motion| motion.id == id);
                 let duration_s = known.map_or(duration_s, |motion| motion.duration_s);
