@@ -114,13 +114,10 @@ impl LoopState {
         {
             self.controller.enable_until = None;
         }
-        let urgent = KINDS.into_iter().find(|&request| {
+        let request = KINDS.into_iter().find(|&request| {
             let wanted = self.wants(tick, request);
             self.controller.is_due(request, wanted, tick.now)
-        });
-        let Some(request) = urgent else {
-            return self.value_request(tick.now).or_else(|| self.load_request(tick));
-        };
+        })?;
         match request {
             DriverRequest::ResetErrors => self.controller.reset_once = false,
             DriverRequest::Disable => self.start_disable_timers(tick),

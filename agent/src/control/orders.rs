@@ -37,8 +37,9 @@ impl LoopState {
             Order::Home(order) => self.home(tick, &order).map(granted),
             Order::JogJoint(order) => self.jog_joint(tick, &order).map(granted),
             Order::JogCartesian(order) => self.jog_cartesian(tick, &order).map(granted),
-            Order::Delegate(_) => Err(Refusal::NotSupported("delegated moves")),
-            Order::Pause(_) | Order::Resume(_) => Err(Refusal::NotSupported("pauses")),
+            Order::Delegate(order) => self.delegate(tick, &order).map(granted),
+            Order::Pause(id) => self.pause_delegated(tick, id, true).map(granted),
+            Order::Resume(id) => self.pause_delegated(tick, id, false).map(granted),
             Order::SetSpeedRatio(_) => Err(Refusal::NotSupported("speed ratios")),
             Order::SetEquipment(order) => self.set_equipment(tick, order).map(granted),
             Order::SetSignal { signal, values, restricted } => {
