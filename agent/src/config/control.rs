@@ -53,6 +53,9 @@ pub struct ControlConfig {
     /// Whether drives are switched on when the controller first answers; default false, and
     /// nothing else for a real robot.
     pub enable_on_start: bool,
+    /// Who makes single moves when nobody says: the agent (`never`, default), or the controller
+    /// where it can (`auto`).
+    pub delegate: Delegate,
     /// How the loop's thread is scheduled.
     pub realtime: RealtimeConfig,
 }
@@ -100,6 +103,17 @@ pub struct ZenohConfig {
     pub connect: Vec<String>,
 }
 
+/// Who makes single moves when nobody says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Delegate {
+    /// The agent: every set-point passes its limiter.
+    #[default]
+    Never,
+    /// The controller, where it can; the agent else.
+    Auto,
+}
+
 impl Default for ControlConfig {
     fn default() -> Self {
         Self {
@@ -119,6 +133,7 @@ impl Default for ControlConfig {
             homing_timeout_ms: 60_000.0,
             operational_mode: OperationalMode::Undefined,
             enable_on_start: false,
+            delegate: Delegate::Never,
             realtime: RealtimeConfig::default(),
         }
     }

@@ -1,11 +1,12 @@
 //! A robot file together with the robot description it names.
 
 use std::num::NonZeroU64;
+use std::sync::Arc;
 
 use armada_model::{Chain, JointType, JointVector, PositionSource, RobotModel};
 use armada_protocol::messages::{ChainInfo, JointInfo};
 
-use super::{ConfigError, JointConfig, Problem, RobotConfig, millis};
+use super::{ChainConfig, ConfigError, Delegate, JointConfig, Problem, RobotConfig, millis};
 use crate::control::Params;
 use crate::drivers::DriverSetup;
 
@@ -32,10 +33,10 @@ impl RobotConfig {
     /// not carry its tip.
     pub fn chain_infos(&self, model: &RobotModel) -> Result<Vec<ChainInfo>, ConfigError> {
         for (index, chain) in self.chains.iter().enumerate() {
-            check_chain(chain, model)
+            check_chain(&chain.info(), model)
                 .map_err(|problem| self.error(problem.under(&index.to_string()).under("chains")))?;
         }
-        Ok(self.chains.clone())
+        Ok(self.chains.iter().map(ChainConfig::info).collect())
     }
 
     /// What the control loop is told of the robot.
@@ -63,10 +64,12 @@ impl RobotConfig {
             stream_timeout: millis(control.stream_timeout_ms),
             stream_max_age: millis(control.stream_max_age_ms),
             enable_on_start: control.enable_on_start,
+            delegates: control.delegate == Delegate::Auto,
             homing_timeout: millis(control.homing_timeout_ms),
             operational_mode: control.operational_mode,
             reduced: joints.iter().map(|joint| joint.reduced).collect(),
             home: joints.iter().map(|joint| joint.home).collect(),
+            equipment: Arc::new(self.equipment(model)?.for_loop()),
             ..common
         })
     }

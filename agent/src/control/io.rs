@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use super::equipment::{Equipment, MAX_CHAINS};
+use super::values::ValueSlot;
 use crate::drivers::{
     DelegatedMove, DriverRequest, Feedback, JointSet, LoadSetting, MAX_PARAMETERS,
     MAX_REPORTED_TIPS, MAX_SIGNAL_VALUES, ReportedTip, SetPoint, Values,
@@ -67,8 +68,14 @@ pub struct Params {
     pub operational_mode: OperationalMode,
     /// What the controller can do besides following set-points.
     pub abilities: LoopAbilities,
+    /// Whether single moves are left to the controller, if it can and nobody says otherwise.
+    pub delegates: bool,
     /// The chains with their tools at the start.
     pub equipment: Arc<Equipment>,
+    /// Where the feedback shows each signal of the controller.
+    pub signals: Vec<ValueSlot>,
+    /// Where the feedback shows each parameter of the controller.
+    pub parameters: Vec<ValueSlot>,
     /// Silence of a stream after which the robot decelerates, at the latest.
     pub stream_timeout: Duration,
     /// Highest age of the state that a sample of a stream was made for.
@@ -106,7 +113,10 @@ impl Params {
             enable_on_start: false,
             operational_mode: OperationalMode::Undefined,
             abilities: LoopAbilities::default(),
+            delegates: false,
             equipment: Arc::default(),
+            signals: Vec::new(),
+            parameters: Vec::new(),
             stream_timeout: Duration::from_millis(40),
             stream_max_age: Duration::from_millis(100),
         })
@@ -343,6 +353,8 @@ pub struct DelegateOrder {
 pub struct EquipmentOrder {
     /// The chains with them.
     pub equipment: Arc<Equipment>,
+    /// Revision that they were made from, which must still be in force.
+    pub replaces: u64,
     /// The chain whose load changed, and the load that the controller is to be told.
     pub load: Option<(u8, LoadSetting)>,
 }
@@ -776,4 +788,13 @@ pub enum Refusal {
     ControllerTimeout,
     /// The step that took the request failed: whether it was done is not known.
     StepFailed,
+    /// Tools or payloads were changed meanwhile.
+    EquipmentChanged {
+        /// Revision that the change was made from.
+        given: u64,
+        /// Revision in force.
+        current: u64,
+    },
+    /// Another request of the same kind took its place.
+    Superseded,
 }

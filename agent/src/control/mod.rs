@@ -44,12 +44,13 @@ mod step;
 mod stop;
 mod stream;
 mod tracking;
+mod values;
 mod verify;
 
 #[cfg(test)]
 mod tests;
 
-pub use equipment::{Equipment, EquippedChain, MAX_CHAINS};
+pub use equipment::{Equipment, EquippedChain, EquippedChainError, MAX_CHAINS, TipState};
 pub use faults::clear_by;
 pub use io::{
     DelegateOrder, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder, Input,
@@ -60,3 +61,4 @@ pub use io::{
 };
 pub use state::{LoopState, ParamsError};
 pub use step::step;
+pub use values::ValueSlot;

@@ -8,7 +8,8 @@ use super::authority::Attribution;
 use super::io::{FollowOrder, LoopRequest, Order, Refusal, Retired};
 use super::motion::{End, Motion, Source, StartPoint, TrajectoryMotion};
 use super::state::{LoopState, Tick};
-use crate::drivers::DriverRequest;
+use super::values::{ValueOrder, ValuePlace};
+use crate::drivers::{DriverRequest, Values};
 
 /// What becomes of a request that is not refused.
 enum Verdict {
@@ -42,15 +43,21 @@ impl LoopState {
             Order::Home(order) => self.home(tick, &order).map(granted),
             Order::JogJoint(order) => self.jog_joint(tick, &order).map(granted),
             Order::JogCartesian(order) => self.jog_cartesian(tick, &order).map(granted),
-            Order::Delegate(_) => Err(Refusal::NotSupported("delegated moves")),
-            Order::Pause(_) | Order::Resume(_) => Err(Refusal::NotSupported("pauses")),
+            Order::Delegate(order) => self.delegate(tick, &order).map(granted),
+            Order::Pause(id) => self.pause_delegated(tick, id, true).map(granted),
+            Order::Resume(id) => self.pause_delegated(tick, id, false).map(granted),
             Order::SetSpeedRatio(_) => Err(Refusal::NotSupported("speed ratios")),
-            Order::SetEquipment(order) => {
-                tick.retire(Retired::Equipment(order.equipment));
-                Err(Refusal::NotSupported("tools"))
+            Order::SetEquipment(order) => self.set_equipment(tick, order).map(granted),
+            Order::SetSignal { signal, values, restricted } => {
+                let place = ValuePlace::Signal(signal);
+                let order = ValueOrder { place, values, restricted };
+                self.set_value(tick, ticket, order).map(|()| Verdict::Waiting)
             }
-            Order::SetSignal { .. } | Order::SetParameter { .. } => {
-                Err(Refusal::NotSupported("signals and parameters"))
+            Order::SetParameter { parameter, value, restricted } => {
+                let place = ValuePlace::Parameter(parameter);
+                let values = Values::from_slice(&[value]).unwrap_or_default();
+                let order = ValueOrder { place, values, restricted };
+                self.set_value(tick, ticket, order).map(|()| Verdict::Waiting)
             }
         };
         if verdict.is_ok() {

@@ -9,7 +9,7 @@ use arrayvec::ArrayVec;
 
 use super::authority::Authority;
 use super::controller::Controller;
-use super::equipment::Equipment;
+use super::equipment::{Equipment, OwedLoads};
 use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
 use super::motion::{End, Motion, OwnMotion};
@@ -18,6 +18,7 @@ use super::standstill::Standstill;
 use super::stop::Stop;
 use super::stream::Stream;
 use super::tracking::Tracking;
+use super::values::PendingValues;
 use super::verify::Condition;
 
 /// Most faults that can be latched: one of each kind.
@@ -54,6 +55,8 @@ pub struct LoopState {
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
     pub(super) equipment: Arc<Equipment>,
+    pub(super) owed_loads: OwedLoads,
+    pub(super) values: PendingValues,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -159,6 +162,8 @@ impl LoopState {
             own_motion: OwnMotion::default(),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
+            owed_loads: OwedLoads::ALL,
+            values: PendingValues::default(),
         })
     }
 

@@ -33,10 +33,14 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     state.take_samples(&mut tick, input.stream.drain(..));
     tick.output.command = state.set_point(&mut tick);
     state.watch_standstill(&tick);
-    tick.output.driver_request =
-        state.controller_request(&tick).or_else(|| state.own_motion_request(tick.now));
+    tick.output.driver_request = state
+        .controller_request(&tick)
+        .or_else(|| state.own_motion_request(tick.now))
+        .or_else(|| state.value_request(tick.now))
+        .or_else(|| state.load_request(&tick));
     state.climb(&mut tick);
     state.answer_pending(&mut tick);
+    state.answer_values(&mut tick);
     output.snapshot = state.snapshot(params, now, output.command.as_ref());
     output
 }

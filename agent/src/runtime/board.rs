@@ -14,6 +14,7 @@ use armada_protocol::messages::{
 use uuid::Uuid;
 
 use super::leases::Leases;
+use super::connected::Connected;
 use super::motion_log::MotionLog;
 use super::words::Vocabulary;
 use crate::control::{DroppedSamples, Granted, Refusal, Snapshot, StreamReport};
@@ -42,6 +43,7 @@ pub(super) struct Board {
     pub(super) boot_id: Uuid,
     pub(super) snapshot: Snapshot,
     pub(super) motions: MotionLog,
+    pub(super) connected: Connected,
     pub(super) faults: Vec<Fault>,
     pub(super) leases: Leases,
     /// Why the controller does not serve this client, if it says so.
@@ -84,6 +86,7 @@ impl Board {
             boot_id,
             snapshot,
             motions: MotionLog::default(),
+            connected: Connected::default(),
             faults: Vec::new(),
             leases: Leases::default(),
             link_refusal: None,

@@ -27,7 +27,7 @@ use super::mailbox::StampedEvent;
 use super::meter::{Meter, MeterReader};
 use super::stop_intake::IncomingStop;
 use super::words::{name, operational_name};
-use crate::control::{LeaseChange, LoopEvent, StreamChange};
+use crate::control::{LeaseChange, LoopEvent, Refusal, StreamChange};
 
 /// How often progress of a motion is published.
 const PROGRESS: Duration = Duration::from_millis(100);
@@ -184,6 +184,7 @@ impl Desk {
         };
         let Some(status) = status else { return };
         self.publish_motion(&status).await;
+        self.follow_parts(stamp, &status).await;
         if status.status.is_terminal() {
             info!(motion = %status.id, status = ?status.status, "motion ended");
             let why =
@@ -285,6 +286,35 @@ impl Desk {
         }
         if let Some(status) = status {
             self.publish_motion(&status).await;
+            self.follow_parts(now, &status).await;
+        }
+        self.forget_collected(now).await;
+    }
+
+    /// Publishes what a status means for the moves that are parts of the motion.
+    async fn follow_parts(&self, stamp: MonoTime, whole: &MotionStatus) {
+        let ended = {
+            let mut board = self.board.lock();
+            let Board { connected, motions, .. } = &mut *board;
+            connected.follow(motions, stamp, whole)
+        };
+        for status in &ended {
+            self.publish_motion(status).await;
+        }
+    }
+
+    /// Ends collected moves that will never be made.
+    async fn forget_collected(&self, stamp: MonoTime) {
+        let ended = {
+            let mut board = self.board.lock();
+            let Board { connected, motions, vocabulary, snapshot, .. } = &mut *board;
+            connected.forget(motions, (stamp, snapshot.epoch), |cancelled| {
+                let why = if cancelled { Refusal::Cancelled } else { Refusal::ModeLeft };
+                vocabulary.denial(&why)
+            })
+        };
+        for status in &ended {
+            self.publish_motion(status).await;
         }
     }
 

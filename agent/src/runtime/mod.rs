@@ -21,10 +21,13 @@
 mod agent;
 mod board;
 mod bus;
+mod capabilities;
 mod clock;
+mod connected;
 mod desk;
 mod emulation;
 mod leases;
+mod equipment;
 mod link;
 mod loop_thread;
 mod mailbox;

@@ -22,6 +22,7 @@ use super::board::{Board, SharedBoard};
 use super::bus::{self, Keys};
 use super::clock::monotonic;
 use super::desk::{Desk, Inboxes, Remark};
+use super::equipment::SharedEquipment;
 use super::link::Link;
 use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
@@ -72,7 +73,7 @@ impl RobotAgent {
     ) -> Result<Self, AgentError> {
         let name = robot.config.robot.clone();
         let span = info_span!("robot", %name);
-        let shared = Shared::new(robot)?;
+        let shared = Shared::new(session, robot).await?;
         let (loop_end, publisher_end, clients) = mailbox(shared.board.lock().snapshot);
         let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
         let publisher = shared.publisher(session, robot, publisher_end, to_desk).await?;
@@ -183,21 +184,25 @@ struct Shared {
     gate: Arc<StopGate>,
     meter: Arc<Meter>,
     board: Arc<SharedBoard>,
+    equipment: Arc<SharedEquipment>,
     changed: Arc<Notify>,
     shutdown: Arc<AtomicBool>,
 }
 
 impl Shared {
-    fn new(robot: &Robot) -> Result<Self, AgentError> {
+    async fn new(session: &Session, robot: &Robot) -> Result<Self, AgentError> {
         let boot_id = Uuid::now_v7();
         let first = first_snapshot(&robot.params)?;
         let vocabulary =
             Vocabulary { robot: robot.config.robot.clone(), joints: robot.joints.clone() };
+        let info = robot.info(boot_id);
+        let publisher = bus::declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
         Ok(Self {
             boot_id,
             gate: Arc::default(),
             meter: Arc::default(),
             board: Arc::new(SharedBoard::new(Board::new(vocabulary, boot_id, first))),
+            equipment: Arc::new(SharedEquipment::new(robot.book.clone(), info, publisher)),
             changed: Arc::default(),
             shutdown: Arc::default(),
         })
@@ -226,9 +231,9 @@ impl Shared {
             classes,
             boot_id: self.boot_id,
             joint_names: robot.joint_names(),
-            variables: robot.variables(),
-            chains: robot.chain_links(),
-            model: robot.model.clone(),
+            chains: robot.chain_names(),
+            in_force: Arc::clone(&robot.params.equipment),
+            equipment: Arc::clone(&self.equipment),
             changed: Arc::clone(&self.changed),
             shutdown: Arc::clone(&self.shutdown),
         })
@@ -299,6 +304,11 @@ impl Shared {
             prepared: Mutex::default(),
             cleared,
             remarks,
+            equipment: Arc::clone(&self.equipment),
+            abilities: robot.abilities.clone(),
+            planning: tokio::sync::Mutex::default(),
+            chain_names: robot.chain_names(),
+            waits: Semaphore::new(MAX_WAITS),
             boot_id: self.boot_id,
             waits: Semaphore::new(MAX_WAITS),
         }

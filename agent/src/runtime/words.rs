@@ -191,6 +191,15 @@ impl Vocabulary {
                 DenialCode::Timeout,
                 format!("the controller of {} did not do it in time", self.robot),
             ),
+            Refusal::EquipmentChanged { current, .. } => Denial::new(
+                DenialCode::StaleModel,
+                format!("tools or payloads of {} were changed meanwhile: look again", self.robot),
+            )
+            .with("config_seqno", current),
+            Refusal::Superseded => Denial::new(
+                DenialCode::Busy,
+                format!("{}: another request of the same kind took its place", self.robot),
+            ),
         }
     }
 

@@ -14,11 +14,12 @@
 use armada_model::{JointVector, MAX_JOINTS, MonoTime, OnlineState};
 use armada_protocol::messages::{FaultCode, HomeMethod};
 
+use super::delegated::is_over;
 use super::{Drive, End, JogMotion, Motion, Next, Source};
 use crate::control::controller::REPEAT;
 use crate::control::io::{HomeOrder, Params, Refusal};
 use crate::control::state::{LoopState, Tick};
-use crate::control::verify::fault;
+use crate::control::faults::fault;
 use crate::drivers::{DriverRequest, Feedback, JointSet};
 
 /// Homing in progress.
@@ -67,6 +68,10 @@ pub(in crate::control) struct OwnMotion {
     /// When each was sent last.
     asked: Option<MonoTime>,
     stopping: Option<Stopping>,
+    /// Number of the newest move of its own.
+    pub(super) number: u32,
+    /// Whether what is to stop is such a move, after which the robot has to be seen to stand.
+    pub(super) is_move: bool,
 }
 
 /// The controller is to come to rest.
@@ -265,15 +270,23 @@ impl LoopState {
     }
 
     /// Notes when the controller has shown that it stopped.
-    pub(in crate::control) fn settle_own_motion(&mut self) {
+    pub(in crate::control) fn settle_own_motion(&mut self, tick: &Tick<'_>) {
         let Some(first) = self.own_motion.stopping.and_then(|stopping| stopping.first) else {
             return;
         };
         // A report of before the request arrived says nothing.
-        let shown = |f: &Feedback| f.stamp >= first + REPEAT && f.homing.is_empty();
-        if self.condition.feedback().is_some_and(shown) {
-            self.own_motion = OwnMotion::default();
+        let shown =
+            |f: &Feedback| f.stamp >= first + REPEAT && f.homing.is_empty() && is_over(f);
+        let stands = !self.own_motion.is_move || self.standstill.is_shown(tick.params);
+        if stands && self.condition.feedback().is_some_and(shown) {
+            let number = self.own_motion.number;
+            self.own_motion = OwnMotion { number, ..OwnMotion::default() };
         }
+    }
+
+    /// Whether the controller is to stop a motion of its own and has not shown that it did.
+    pub(super) const fn is_stopping_own(&self) -> bool {
+        self.own_motion.stopping.is_some()
     }
 
     /// Follows a search of the controller: its end, and what it is to be asked for next.
@@ -321,8 +334,8 @@ impl LoopState {
             stopping.last = Some(now);
             return Some(DriverRequest::StopMotion);
         }
-        let wanted = self.motion.as_ref().and_then(Motion::wants_homed);
-        let Some(group) = wanted else {
+        let wanted = self.motion.as_ref().and_then(Motion::wants_of_controller);
+        let Some(request) = wanted else {
             self.own_motion.asked = None;
             return None;
         };
@@ -330,23 +343,28 @@ impl LoopState {
             return None;
         }
         self.own_motion.asked = Some(now);
-        Some(DriverRequest::Home(group))
+        Some(request)
     }
 }
 
 impl Motion {
     /// Whether the controller moves the robot in it.
     pub(in crate::control) const fn is_controllers(&self) -> bool {
-        matches!(&self.source, Source::Home(home) if home.is_controllers())
+        match &self.source {
+            Source::Home(home) => home.is_controllers(),
+            Source::Delegated(_) => true,
+            Source::Jog(_) | Source::DeadMan(_) | Source::Trajectory(_) => false,
+        }
     }
 
-    /// The joints that the controller is still to be asked to home.
-    fn wants_homed(&self) -> Option<JointSet> {
+    /// What the controller is still to be asked for.
+    fn wants_of_controller(&self) -> Option<DriverRequest> {
         match &self.source {
             Source::Home(home) if !self.cancelling => match &home.way {
-                Way::Controller(search) if !search.seen => Some(home.group()),
+                Way::Controller(search) if !search.seen => Some(DriverRequest::Home(home.group())),
                 _ => None,
             },
+            Source::Delegated(delegated) if !self.cancelling => delegated.wants(),
             _ => None,
         }
     }

@@ -12,6 +12,7 @@
 //! nobody's any more: a stop or halt must not wait for a report, nor be waited for.
 
 mod dead_man;
+mod delegated;
 mod home;
 mod jog;
 mod ramp;
@@ -21,6 +22,7 @@ mod trajectory;
 mod twist;
 
 pub(super) use dead_man::{DeadManJog, Wanted};
+pub(super) use delegated::DelegatedMotion;
 pub(super) use home::{HomeMotion, OwnMotion};
 pub(super) use jog::JogMotion;
 pub(super) use speed::SpeedFollower;
@@ -69,7 +71,6 @@ pub(super) struct Motion {
 
 /// What makes the set-points of a motion.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 pub(super) enum Source {
     /// A move to a position.
     Jog(JogMotion),
@@ -79,6 +80,8 @@ pub(super) enum Source {
     Home(HomeMotion),
     /// A trajectory.
     Trajectory(TrajectoryMotion),
+    /// A move of the controller's own.
+    Delegated(DelegatedMotion),
 }
 
 /// What a motion has to say in one tick.
@@ -123,11 +126,12 @@ impl Motion {
     }
 
     /// Whether it makes the set-points, which it does not while it waits.
-    pub(super) const fn is_moving(&self) -> bool {
+    pub(super) fn is_moving(&self) -> bool {
         match &self.source {
             Source::Jog(_) | Source::DeadMan(_) => true,
             Source::Home(_) => !self.cancelling,
             Source::Trajectory(trajectory) => trajectory.is_under_way(),
+            Source::Delegated(delegated) => delegated.is_moving(),
         }
     }
 
@@ -138,13 +142,16 @@ impl Motion {
             Source::DeadMan(_) => MotionKind::JogJoint,
             Source::Home(_) => MotionKind::Home,
             Source::Trajectory(_) => MotionKind::Trajectory,
+            Source::Delegated(delegated) => delegated.kind(),
         }
     }
 
     /// How near it wants the robot to its newest set-point; empty if it does not care.
     fn tolerance(&self) -> JointVector {
         match &self.source {
-            Source::Jog(_) | Source::DeadMan(_) | Source::Home(_) => JointVector::EMPTY,
+            Source::Jog(_) | Source::DeadMan(_) | Source::Home(_) | Source::Delegated(_) => {
+                JointVector::EMPTY
+            }
             Source::Trajectory(trajectory) => trajectory.tolerance(),
         }
     }
@@ -157,14 +164,17 @@ impl Motion {
             Source::Trajectory(trajectory) => {
                 (trajectory.elapsed_s(period_s), trajectory.duration_s(), trajectory.waypoint())
             }
+            // Of its time nothing is known: its clock is the share of the way.
+            Source::Delegated(delegated) => (delegated.progress(), 1.0, 0),
         };
+        let paused = matches!(&self.source, Source::Delegated(delegated) if delegated.is_paused());
         MotionProgress {
             id: self.id,
             elapsed_s,
             duration_s,
             waypoint,
-            rate: 1.0,
-            paused: false,
+            rate: if paused { 0.0 } else { 1.0 },
+            paused,
             queued: 0,
         }
     }
@@ -175,6 +185,7 @@ impl Motion {
             Source::DeadMan(jog) => jog.next(drive),
             Source::Home(home) => home.next(drive),
             Source::Trajectory(trajectory) => trajectory.next(tick.now, tick.params.period),
+            Source::Delegated(_) => Next::Waiting,
         }
     }
 
@@ -216,6 +227,7 @@ impl LoopState {
     /// The set-point of this tick, if a stream is alive.
     pub(super) fn set_point(&mut self, tick: &mut Tick<'_>) -> Option<SetPoint> {
         self.follow_homing(tick);
+        self.follow_delegated(tick);
         if self.controller_moves() {
             self.break_off();
         }

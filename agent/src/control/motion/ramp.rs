@@ -25,7 +25,7 @@ impl LoopState {
     /// Ends the stream of set-points if the controller does not follow them or must not, and
     /// begins one at the measured position if it does; see the head of [`control`](super::super).
     pub(in crate::control) fn keep_stream(&mut self, tick: &Tick<'_>) {
-        self.settle_own_motion();
+        self.settle_own_motion(tick);
         let stop = self.stop.level();
         let followed = self.condition.follows() && !self.controller_moves();
         let feedback = self.condition.feedback().filter(|_| followed);

@@ -27,7 +27,7 @@ fn resolve(
     position: &JointVector,
     limits: &MotionLimits,
 ) -> Option<JointVector> {
-    let EquippedChain { chain, tcp, base_in_world, joints } = equipped;
+    let EquippedChain { chain, tcp, base_in_world, joints, .. } = equipped;
     let mut own = JointVector::zeros(joints.len()).ok()?;
     let mut highest = own;
     for ((x, v), &joint) in own.iter_mut().zip(highest.iter_mut()).zip(joints) {

@@ -33,9 +33,11 @@ pub(super) use self::wait::MAX_WAITS;
 use super::board::{Board, SharedBoard};
 use super::clock::monotonic;
 use super::desk::Remark;
+use super::equipment::SharedEquipment;
 use super::motion_log::queued;
 use super::stop_gate::StopGate;
 use crate::control::{Granted, LoopRequest, Order, Params};
+use crate::drivers::Abilities;
 
 /// How long the loop has to answer what it does within a few ticks.
 const LOOP_PATIENCE: Duration = Duration::from_millis(1500);
@@ -55,6 +57,10 @@ pub(super) struct Requests {
     pub(super) waits: Semaphore,
     pub(super) cleared: watch::Receiver<u64>,
     pub(super) remarks: mpsc::Sender<Remark>,
+    pub(super) equipment: Arc<SharedEquipment>,
+    pub(super) abilities: Abilities,
+    /// Held while a single move is planned and handed over.
+    pub(super) planning: tokio::sync::Mutex<()>,
     pub(super) boot_id: Uuid,
 }
 
@@ -177,9 +183,16 @@ impl Requests {
         order: Order,
     ) -> Result<Accepted, Denial> {
         let (id, duration_s) = (motion.id, motion.duration_s);
+        let end = match &order {
+            Order::Follow(order) => Some(order.trajectory.end()),
+            _ => None,
+        };
         self.begin(asker, motion)?;
         match self.ask(asker, order, LOOP_PATIENCE).await {
             Ok(Granted { epoch, .. }) => {
+                if let Some(end) = end {
+                    self.board.lock().connected.note_end(id, end);
+                }
                 // Only the loop knows how long a jog takes; its snapshot came before its answer.
                 let known = self.board.lock().snapshot.motion.filter(|motion| motion.id == id);
                 let duration_s = known.map_or(duration_s, |motion| motion.duration_s);
@@ -256,6 +269,11 @@ impl Requests {
             message: format!("{method}: {}", denial.message),
             details: Map::from_iter([("code".to_owned(), Value::from(denial.code.as_str()))]),
         };
+        self.tell(remark);
+    }
+
+    /// Hands something to the desk to be recorded as an event.
+    fn tell(&self, remark: Remark) {
         // Denials may come in floods; those beyond the queue are only counted.
         drop(self.remarks.try_send(remark));
     }

@@ -52,6 +52,9 @@ impl Requests {
     }
 
     pub(super) async fn cancel(&self, asker: Asker, params: CancelParams) -> Result<Empty, Denial> {
+        if let Some(cancelled) = self.cancel_connected(&asker, params.motion_id).await {
+            return cancelled.map(|()| Empty {});
+        }
         self.ask(&asker, Order::Cancel(params.motion_id), LOOP_PATIENCE).await?;
         Ok(Empty {})
     }

@@ -152,6 +152,16 @@ impl Chain {
         self
     }
 
+    /// The same chain with these limits of its variables, in their order, as where a robot file
+    /// narrows those of the description; variables beyond the end of `limits` keep theirs.
+    #[must_use]
+    pub fn with_limits(mut self, limits: &[JointLimits]) -> Self {
+        for (variable, limits) in self.variables.iter_mut().zip(limits) {
+            variable.limits = *limits;
+        }
+        self
+    }
+
     /// Name of the base link.
     #[must_use]
     pub fn base(&self) -> &str {
