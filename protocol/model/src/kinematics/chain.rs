@@ -4,6 +4,7 @@
 
 use arrayvec::ArrayVec;
 use nalgebra::{Isometry3, Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::reduce::{Element, Moving, Reduced, reduce};
 use crate::{
@@ -43,7 +44,7 @@ use crate::{
 /// assert_eq!(twist.angular.z, 1.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Chain {
     base: String,
     tip: String,
@@ -55,7 +56,7 @@ pub struct Chain {
 }
 
 /// One variable of a [`Chain`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChainVariable {
     /// Name of the driven joint.
     pub name: String,

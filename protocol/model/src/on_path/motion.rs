@@ -5,6 +5,7 @@ use super::legality::Legality;
 use super::ramp::strongest;
 use super::rate::{RATE_TOLERANCE, Rate};
 use crate::{JointVector, MotionLimits, OnlineState};
+use serde::{Deserialize, Serialize};
 
 /// Longest step in which the rate is planned \[s\], while a tick has not more than
 /// [`MAX_SUBSTEPS`] of them; beyond, steps are longer, which is as legal but less eager.
@@ -55,7 +56,7 @@ const PREDICTION_STEPS: u32 = 4096;
 /// assert_eq!(motion.state(&curve).state.position, curve.target());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OnPath {
     limits: MotionLimits,
     duration_s: f64,
@@ -69,7 +70,7 @@ pub struct OnPath {
 }
 
 /// What is asked of the rate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Demand {
     Run,
     Pause,
@@ -77,7 +78,7 @@ enum Demand {
 }
 
 /// What a motion on a path asks for at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathState {
     /// Where it is on the path, as time of the curve \[s\].
     pub phase_s: f64,

@@ -1,6 +1,7 @@
 //! Motion of one joint as phases of constant jerk.
 
 use arrayvec::ArrayVec;
+use serde::{Deserialize, Serialize};
 
 use crate::AxisLimits;
 
@@ -11,7 +12,7 @@ const MAX_PHASES: usize = 13;
 const TURN_HALVINGS: u32 = 40;
 
 /// Position, velocity and acceleration of one joint at one instant, in its unit \[rad or m\].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AxisPoint {
     /// Position \[rad or m\].
     pub position: f64,
@@ -22,7 +23,7 @@ pub struct AxisPoint {
 }
 
 /// Motion of one joint: phases of constant jerk without a gap between them, then rest.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AxisMotion {
     phases: ArrayVec<Phase, MAX_PHASES>,
     /// Where it is after all phases so far.
@@ -32,7 +33,7 @@ pub struct AxisMotion {
 }
 
 /// Constant jerk from a point on.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Phase {
     start_s: f64,
     start: AxisPoint,
@@ -40,7 +41,7 @@ struct Phase {
 }
 
 /// Lowest and highest value of one quantity.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Range {
     pub(crate) low: f64,
     pub(crate) high: f64,

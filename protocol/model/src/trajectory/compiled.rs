@@ -10,6 +10,7 @@ use super::tolerance::{Tolerance, Tolerances};
 use super::validate::{self, REST_TOLERANCE};
 use super::waypoints::JointTrajectory;
 use crate::JointVector;
+use serde::{Deserialize, Serialize};
 
 /// A piecewise polynomial motion of all joints of one robot, inside all limits, from rest to rest
 /// if nothing else was asked for.
@@ -50,7 +51,7 @@ use crate::JointVector;
 /// assert!(state.acceleration[0].abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompiledTrajectory {
     start: JointVector,
     end: JointVector,
