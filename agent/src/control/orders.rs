@@ -2,11 +2,10 @@
 
 use armada_model::MotionState;
 use armada_protocol::messages::{CommandMode, FaultCode};
-use uuid::Uuid;
 
 use super::authority::Attribution;
-use super::io::{FollowOrder, JogOrder, LoopRequest, Order, Refusal, Retired};
-use super::motion::{End, JogMotion, Motion, Source, StartPoint, TrajectoryMotion};
+use super::io::{JogOrder, LoopRequest, Order, Refusal, Retired};
+use super::motion::{End, JogMotion, Motion, Source};
 use super::state::{LoopState, Tick};
 use crate::drivers::DriverRequest;
 
@@ -42,8 +41,9 @@ impl LoopState {
             Order::Home(_) => Err(Refusal::NotSupported("homing")),
             Order::JogJoint(_) | Order::JogCartesian(_) => Err(Refusal::NotSupported("jogs")),
             Order::Delegate(_) => Err(Refusal::NotSupported("delegated moves")),
-            Order::Pause(_) | Order::Resume(_) => Err(Refusal::NotSupported("pauses")),
-            Order::SetSpeedRatio(_) => Err(Refusal::NotSupported("speed ratios")),
+            Order::Pause(id) => self.set_paused(tick, id, true).map(granted),
+            Order::Resume(id) => self.set_paused(tick, id, false).map(granted),
+            Order::SetSpeedRatio(ratio) => self.set_speed_ratio(tick, ratio).map(granted),
             Order::SetEquipment(order) => {
                 tick.retire(Retired::Equipment(order.equipment));
                 Err(Refusal::NotSupported("tools"))
@@ -134,52 +134,8 @@ impl LoopState {
         Ok(())
     }
 
-    fn follow(&mut self, tick: &mut Tick<'_>, order: FollowOrder) -> Result<(), Refusal> {
-        match self.plan_to_follow(tick, &order) {
-            Ok(trajectory) => {
-                let motion = Motion::new(order.id, Source::Trajectory(trajectory));
-                self.motion = Some(motion.on_lease_loss(order.on_lease_loss));
-                Ok(())
-            }
-            Err(refusal) => {
-                tick.retire(Retired::Trajectory(order.trajectory));
-                Err(refusal)
-            }
-        }
-    }
-
-    fn plan_to_follow(
-        &self,
-        tick: &Tick<'_>,
-        order: &FollowOrder,
-    ) -> Result<TrajectoryMotion, Refusal> {
-        self.check_gate()?;
-        if let Some(given) = order.epoch.filter(|&given| given != self.epoch) {
-            return Err(Refusal::EpochPassed { given, current: self.epoch });
-        }
-        self.check_motion_mode(CommandMode::Trajectory)?;
-        if let Some(motion) = self.motion.as_ref().filter(|_| self.ramp.is_none()) {
-            return Err(Refusal::Busy(motion.id));
-        }
-        let held = self.rest()?;
-        let measured = self.condition.feedback().ok_or(Refusal::CommunicationLost)?;
-        let from = StartPoint { held: &held, measured: &measured.joint_position };
-        TrajectoryMotion::plan(order, &from, &self.limits, tick)
-    }
-
-    fn cancel(&mut self, tick: &mut Tick<'_>, id: Uuid) -> Result<(), Refusal> {
-        let motion = self.motion.as_mut().filter(|motion| motion.id == id);
-        let motion = motion.ok_or(Refusal::NoSuchMotion)?;
-        motion.cancelling = true;
-        self.decelerate(tick);
-        if self.ramp.is_none() {
-            self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
-        }
-        Ok(())
-    }
-
     /// The state a motion begins in that does not follow another.
-    fn rest(&self) -> Result<MotionState, Refusal> {
+    pub(super) fn rest(&self) -> Result<MotionState, Refusal> {
         self.check_standing()?;
         let last = self.limiter.last().ok_or(Refusal::NotReady)?;
         Ok(MotionState { position: last.position, velocity: last.velocity.map_indexed(|_, _| 0.0) })

@@ -3,16 +3,16 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError, StopRamp};
+use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError};
 use armada_protocol::messages::{CommandMode, FaultCode};
 use arrayvec::ArrayVec;
 
 use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::Equipment;
-use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
+use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
-use super::motion::{End, Motion};
+use super::motion::{Brake, End, Motion, Waiting};
 use super::standstill::Standstill;
 use super::stop::Stop;
 use super::tracking::Tracking;
@@ -41,8 +41,10 @@ pub struct LoopState {
     pub(super) limiter: Limiter,
     /// Where the robot is held while neither ramp nor motion is in progress.
     pub(super) hold: JointVector,
-    pub(super) ramp: Option<StopRamp>,
+    pub(super) ramp: Option<Brake>,
     pub(super) motion: Option<Motion>,
+    /// What waits for its end, in order; empty if there is no motion.
+    pub(super) queue: ArrayVec<Waiting, MAX_QUEUED>,
     /// Speed of all motions, 0.01 to 1.
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
@@ -146,6 +148,7 @@ impl LoopState {
             hold: JointVector::EMPTY,
             ramp: None,
             motion: None,
+            queue: ArrayVec::new(),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
         })
@@ -160,6 +163,9 @@ impl LoopState {
         self.epoch += 1;
         self.end_motion(tick, end);
         self.decelerate(tick);
+        if matches!(end, End::Failed(_)) {
+            self.hurry(tick);
+        }
     }
 
     /// Enters `mode` in a new epoch; `end` is what becomes of the motion of the old one.

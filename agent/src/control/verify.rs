@@ -123,17 +123,18 @@ impl LoopState {
         let Some(feedback) = self.condition.feedback() else {
             return Some(FaultCode::CommunicationLost);
         };
-        let tracking = FaultCode::TrackingError;
-        let still_ramping =
-            self.ramp.is_some() && self.faults.iter().any(|fault| fault.code == tracking);
+        let is_latched = |code| self.faults.iter().any(|fault| fault.code == code);
+        let tracking = [FaultCode::TrackingError, FaultCode::VelocityError]
+            .into_iter()
+            .find(|&code| self.ramp.is_some() && is_latched(code));
         [
             (feedback.emergency_stop, FaultCode::EmergencyStop),
             (feedback.error_code != 0, FaultCode::ControllerError),
             (tick.loop_error, FaultCode::LoopError),
-            (still_ramping, tracking),
         ]
         .into_iter()
         .find_map(|(present, code)| present.then_some(code))
+        .or(tracking)
     }
 
     fn verify_silence(&mut self, tick: &mut Tick<'_>) {
@@ -151,7 +152,7 @@ impl LoopState {
             return;
         }
         if let Some(excess) = self.tracking.excess(tick.params, feedback) {
-            let fault = fault(FaultCode::TrackingError, tick.now, excess.error);
+            let fault = fault(excess.code, tick.now, excess.error);
             self.latch(tick, LoopFault { joint: Some(excess.joint), limit: excess.limit, ..fault });
         }
     }

@@ -11,7 +11,7 @@ use super::Next;
 use crate::control::io::{JogOrder, Refusal};
 
 /// A move of all joints to a position, on its way.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(in crate::control) struct JogMotion {
     plan: JointMove,
     /// Set-points sent.

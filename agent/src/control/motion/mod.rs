@@ -10,21 +10,30 @@
 //! `cancelled` after a cancel is said when the ramp has ended, so it means that the robot has been
 //! brought to rest on purpose. When the epoch is raised the motion is over at once, and the ramp is
 //! nobody's any more: a stop or halt must not wait for a report, nor be waited for.
+//!
+//! A trajectory may be paused and resumed, and others may wait behind it; see `queue`. It comes to
+//! rest on its path where it can, however it ends; see `ramp`.
 
+mod course;
 mod jog;
+mod lead_in;
+mod queue;
 mod ramp;
 mod trajectory;
 
 pub(super) use jog::JogMotion;
-pub(super) use trajectory::{StartPoint, TrajectoryMotion};
+pub(super) use queue::Waiting;
+pub(super) use ramp::Brake;
 
-use armada_model::{JointVector, MonoTime, MotionState};
+use armada_model::{JointVector, MonoTime, MotionLimits, MotionState};
 use armada_protocol::messages::{
     ActionStatus, Executor, FaultCode, LeaseLoss, MotionKind, MotionProgress,
 };
 use uuid::Uuid;
 
-use super::io::{LoopEvent, MotionReport, Refusal, Retired};
+use self::queue::Remains;
+use self::trajectory::TrajectoryMotion;
+use super::io::{LoopEvent, MotionReport, Refusal};
 use super::state::{LoopState, Tick};
 use super::verify::fault;
 use crate::drivers::SetPoint;
@@ -41,7 +50,7 @@ pub(super) enum End {
 }
 
 /// A motion in progress, or waiting for its start.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Motion {
     pub(super) id: Uuid,
     pub(super) source: Source,
@@ -58,12 +67,15 @@ pub(super) struct Motion {
 }
 
 /// What makes the set-points of a motion.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 pub(super) enum Source {
     /// A move to a position.
     Jog(JogMotion),
     /// A trajectory.
     Trajectory(TrajectoryMotion),
+    /// What was a trajectory, and is now with the [`Brake`]; how far it came.
+    Braked(MotionKind, MotionProgress),
 }
 
 /// What a motion has to say in one tick.
@@ -76,8 +88,10 @@ enum Next {
     Moving(MotionState),
     /// Its end, which it reaches exactly.
     Last(MotionState),
-    /// Its time has passed without it, by so much \[s\].
-    Missed(f64),
+    /// On the way into the next motion.
+    Over(MotionState),
+    /// It cannot begin.
+    Failed(Refusal),
 }
 
 impl Motion {
@@ -95,9 +109,9 @@ impl Motion {
     }
 
     /// Whether it makes the set-points, which it does not while it waits.
-    pub(super) const fn is_moving(&self) -> bool {
+    pub(super) fn is_moving(&self) -> bool {
         match &self.source {
-            Source::Jog(_) => true,
+            Source::Jog(_) | Source::Braked(..) => true,
             Source::Trajectory(trajectory) => trajectory.is_under_way(),
         }
     }
@@ -105,40 +119,47 @@ impl Motion {
     pub(super) const fn kind(&self) -> MotionKind {
         match &self.source {
             Source::Jog(_) => MotionKind::JogFreespace,
-            Source::Trajectory(_) => MotionKind::Trajectory,
+            Source::Trajectory(trajectory) => trajectory.kind(),
+            Source::Braked(kind, _) => *kind,
         }
     }
 
-    /// How near it wants the robot to its newest set-point; empty if it does not care.
-    fn tolerance(&self) -> JointVector {
+    const fn is_paused(&self) -> bool {
+        matches!(&self.source, Source::Trajectory(trajectory) if trajectory.is_paused())
+    }
+
+    /// How near it wants the robot to its newest set-point, in position and velocity; empty if it
+    /// does not care.
+    fn tolerance(&self, period_s: f64) -> (JointVector, JointVector) {
         match &self.source {
-            Source::Jog(_) => JointVector::EMPTY,
-            Source::Trajectory(trajectory) => trajectory.tolerance(),
+            Source::Jog(_) | Source::Braked(..) => (JointVector::EMPTY, JointVector::EMPTY),
+            Source::Trajectory(trajectory) => trajectory.tolerance(period_s),
         }
     }
 
+    /// How far it has come by its own clock, which is that of its path: at half the speed it takes
+    /// twice as long.
     pub(super) fn progress(&self, period_s: f64) -> MotionProgress {
-        let (elapsed_s, duration_s, waypoint) = match &self.source {
-            Source::Jog(jog) => (jog.elapsed_s(period_s), jog.duration_s(), 0),
-            Source::Trajectory(trajectory) => {
-                (trajectory.elapsed_s(period_s), trajectory.duration_s(), trajectory.waypoint())
-            }
+        let (elapsed_s, duration_s, waypoint, rate, paused) = match &self.source {
+            Source::Braked(_, progress) => return *progress,
+            Source::Jog(jog) => (jog.elapsed_s(period_s), jog.duration_s(), 0, 1.0, false),
+            Source::Trajectory(trajectory) => (
+                trajectory.elapsed_s(period_s),
+                trajectory.duration_s(),
+                trajectory.waypoint(),
+                trajectory.rate(),
+                trajectory.is_paused(),
+            ),
         };
-        MotionProgress {
-            id: self.id,
-            elapsed_s,
-            duration_s,
-            waypoint,
-            rate: 1.0,
-            paused: false,
-            queued: 0,
-        }
+        MotionProgress { id: self.id, elapsed_s, duration_s, waypoint, rate, paused, queued: 0 }
     }
 
-    fn next(&mut self, tick: &Tick<'_>) -> Next {
+    fn next(&mut self, tick: &Tick<'_>, held: &MotionState, limits: &MotionLimits) -> Next {
         match &mut self.source {
             Source::Jog(jog) => jog.next(tick.period_s()),
-            Source::Trajectory(trajectory) => trajectory.next(tick.now, tick.params.period),
+            Source::Trajectory(trajectory) => trajectory.next(tick, held, limits),
+            // With its ramp over it has ended.
+            Source::Braked(..) => Next::Waiting,
         }
     }
 
@@ -149,8 +170,11 @@ impl Motion {
                 self.queued = true;
                 ActionStatus::Queued
             }
-            Next::Moving(_) | Next::Last(_) if self.started.is_none() => {
+            Next::Moving(_) | Next::Last(_) | Next::Over(_) if self.started.is_none() => {
                 self.started = Some(tick.now);
+                if self.is_paused() {
+                    return;
+                }
                 ActionStatus::Running
             }
             _ => return,
@@ -171,12 +195,18 @@ impl LoopState {
     /// The set-point of this tick, if a stream is alive.
     pub(super) fn set_point(&mut self, tick: &mut Tick<'_>) -> Option<SetPoint> {
         self.limiter.last()?;
+        self.look_ahead(tick);
         let (desired, end) = self.desired(tick)?;
         self.emit(tick, &desired, end)
     }
 
-    /// Ends the motion, if there is one: its one terminal status.
+    /// Ends the motion, if there is one: its one terminal status. All that waits for it ends too,
+    /// and one on a path is brought to rest on it; what else moves, the caller has to see to.
     pub(super) fn end_motion(&mut self, tick: &mut Tick<'_>, end: End) {
+        self.finish_motion(tick, end, Remains::Braked);
+    }
+
+    fn finish_motion(&mut self, tick: &mut Tick<'_>, end: End, remains: Remains) {
         let Some(motion) = self.motion.take() else {
             return;
         };
@@ -191,31 +221,55 @@ impl LoopState {
         let report = motion.report(status, reason, tick.period_s());
         tick.event(LoopEvent::Motion(report));
         if let Source::Trajectory(trajectory) = motion.source {
-            tick.retire(Retired::Trajectory(trajectory.into_trajectory()));
+            let hurry = matches!(end, End::Failed(_));
+            let moves = end != End::Complete && remains == Remains::Braked;
+            self.leave_behind(tick, trajectory, moves, hurry);
         }
+        if end == End::Complete {
+            self.promote(tick);
+        } else {
+            self.drop_waiting(tick, 0, Refusal::QueueBroken);
+        }
+    }
+
+    /// Brings the motion to rest that is being cancelled.
+    fn brake_motion(&mut self, tick: &mut Tick<'_>) {
+        let Some(motion) = self.motion.as_mut() else { return };
+        if let Source::Trajectory(trajectory) = &motion.source {
+            let braked = Source::Braked(trajectory.kind(), motion.progress(tick.period_s()));
+            if let Source::Trajectory(trajectory) = std::mem::replace(&mut motion.source, braked) {
+                self.leave_behind(tick, trajectory, true, false);
+            }
+        }
+        self.decelerate(tick);
     }
 
     /// What the source in charge asks for, and whether the motion ends with it.
     fn desired(&mut self, tick: &mut Tick<'_>) -> Option<(MotionState, Option<End>)> {
         if self.ramp.is_some() {
-            return self.ramp_step();
+            return self.ramp_step(tick);
         }
+        let held = *self.limiter.last()?;
         let Some(motion) = self.motion.as_mut() else {
             return Some((self.limiter.toward(&self.hold)?, None));
         };
-        let next = motion.next(tick);
+        let next = motion.next(tick, &held, &self.limits);
         motion.announce(tick, &next);
         match next {
             Next::Waiting => Some((self.limiter.toward(&self.hold)?, None)),
             Next::Approaching(state) | Next::Moving(state) => Some((state, None)),
+            Next::Over(state) => {
+                self.go_over(tick);
+                Some((state, None))
+            }
             Next::Last(state) => {
                 self.hold = state.position;
                 Some((state, Some(End::Complete)))
             }
-            Next::Missed(late_s) => {
-                self.end_motion(tick, End::Failed(Refusal::StartMissed { late_s }));
+            Next::Failed(refusal) => {
+                self.end_motion(tick, End::Failed(refusal));
                 self.decelerate(tick);
-                self.ramp_step().or_else(|| Some((self.limiter.toward(&self.hold)?, None)))
+                self.ramp_step(tick).or_else(|| Some((self.limiter.toward(&self.hold)?, None)))
             }
         }
     }
@@ -231,8 +285,10 @@ impl LoopState {
             self.latch(tick, fault(FaultCode::LoopError, tick.now, 0.0));
             return None;
         };
-        let tolerance = self.motion.as_ref().map_or(JointVector::EMPTY, Motion::tolerance);
-        self.tracking.record(tick.now, set_point.joint_position, tolerance);
+        let none = (JointVector::EMPTY, JointVector::EMPTY);
+        let tolerance = self.motion.as_ref().map_or(none, |m| m.tolerance(tick.period_s()));
+        let velocity = self.limiter.last().map_or(JointVector::EMPTY, |last| last.velocity);
+        self.tracking.record(tick.now, set_point.joint_position, velocity, tolerance);
         if let Some(end) = end {
             self.end_motion(tick, end);
         }
