@@ -24,7 +24,7 @@ use crate::drivers::DriverRequest;
 /// Most requests that wait for the controller. The last place is for a disable only.
 const MAX_PENDING: usize = 4;
 /// How soon a request is repeated that shows no effect.
-const REPEAT: Duration = Duration::from_millis(50);
+pub(super) const REPEAT: Duration = Duration::from_millis(50);
 
 /// Requests under way to the controller.
 #[derive(Debug, Default)]

@@ -54,6 +54,8 @@ pub struct Params {
     pub standstill_hold: Duration,
     /// How long the controller has to do what it is asked: switch drives, clear errors.
     pub request_timeout: Duration,
+    /// How long the controller may search the references of one group of joints.
+    pub homing_timeout: Duration,
     /// Whether drives are switched on once, when the controller first answers.
     pub enable_on_start: bool,
     /// Limits of each joint at reduced speed.
@@ -99,6 +101,7 @@ impl Params {
             tracking_lag: period * 2,
             standstill_hold: Duration::from_millis(50),
             request_timeout: Duration::from_secs(5),
+            homing_timeout: Duration::from_secs(60),
             enable_on_start: false,
             operational_mode: OperationalMode::Undefined,
             abilities: LoopAbilities::default(),
@@ -302,6 +305,8 @@ pub struct JogJointOrder {
     pub joint_velocity: JointVector,
     /// How long to move without another order.
     pub timeout: Duration,
+    /// Whether it only keeps a jog going: refused if that has ended.
+    pub renews: bool,
 }
 
 /// Tools at a speed, for a time after the newest order.
@@ -313,6 +318,8 @@ pub struct JogCartesianOrder {
     pub twists: [Option<TwistTarget>; MAX_CHAINS],
     /// How long to move without another order.
     pub timeout: Duration,
+    /// Whether it only keeps a jog going: refused if that has ended.
+    pub renews: bool,
 }
 
 /// A move that the controller makes itself.
@@ -346,7 +353,7 @@ pub struct JogOrder {
     pub id: Uuid,
     /// Goal \[rad or m\].
     pub joint_position: JointVector,
-    /// Highest speed of each joint, at most its limit \[1/s\].
+    /// Highest speed of each joint, at most its limit in force \[1/s\]; empty for that limit.
     pub max_velocity: JointVector,
 }
 

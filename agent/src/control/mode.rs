@@ -19,7 +19,7 @@
 
 use armada_protocol::messages::CommandMode;
 
-use super::io::Refusal;
+use super::io::{Params, Refusal};
 use super::motion::End;
 use super::state::{LoopState, Tick};
 use crate::drivers::DriverRequest;
@@ -31,7 +31,7 @@ impl LoopState {
         tick: &mut Tick<'_>,
         wanted: CommandMode,
     ) -> Result<(), Refusal> {
-        if !is_supported(wanted) {
+        if !is_supported(wanted, tick.params) {
             return Err(Refusal::ModeNotSupported(wanted));
         }
         if self.mode == wanted {
@@ -47,7 +47,12 @@ impl LoopState {
         if self.mode != CommandMode::Halt {
             return Err(Refusal::ThroughHalt { mode: self.mode, wanted });
         }
-        self.check_movable()?;
+        if wanted == CommandMode::Homing {
+            // A controller that has to home first may take no set-points before.
+            self.check_homable()?;
+        } else {
+            self.check_movable()?;
+        }
         self.change_mode(tick, wanted, End::Cancelled(Refusal::ModeLeft));
         Ok(())
     }
@@ -89,6 +94,10 @@ impl LoopState {
     }
 }
 
-const fn is_supported(mode: CommandMode) -> bool {
-    matches!(mode, CommandMode::Halt | CommandMode::Jog | CommandMode::Trajectory)
+fn is_supported(mode: CommandMode, params: &Params) -> bool {
+    match mode {
+        CommandMode::Halt | CommandMode::Jog | CommandMode::Trajectory => true,
+        CommandMode::Homing => params.abilities.homing || params.home.iter().any(Option::is_some),
+        _ => false,
+    }
 }

@@ -4,8 +4,8 @@ use armada_model::MotionState;
 use armada_protocol::messages::{CommandMode, FaultCode};
 
 use super::authority::Attribution;
-use super::io::{JogOrder, LoopRequest, Order, Refusal, Retired};
-use super::motion::{End, JogMotion, Motion, Source};
+use super::io::{LoopRequest, Order, Refusal, Retired};
+use super::motion::End;
 use super::state::{LoopState, Tick};
 use crate::drivers::DriverRequest;
 
@@ -38,8 +38,9 @@ impl LoopState {
             Order::AcquireLease { lease, ttl } => self.acquire_lease(tick, lease, ttl).map(granted),
             Order::RenewLease(lease) => self.renew_lease(tick, lease).map(granted),
             Order::ReleaseLease(lease) => self.release_lease(tick, lease).map(granted),
-            Order::Home(_) => Err(Refusal::NotSupported("homing")),
-            Order::JogJoint(_) | Order::JogCartesian(_) => Err(Refusal::NotSupported("jogs")),
+            Order::Home(order) => self.home(tick, &order).map(granted),
+            Order::JogJoint(order) => self.jog_joint(tick, &order).map(granted),
+            Order::JogCartesian(order) => self.jog_cartesian(tick, &order).map(granted),
             Order::Delegate(_) => Err(Refusal::NotSupported("delegated moves")),
             Order::Pause(id) => self.set_paused(tick, id, true).map(granted),
             Order::Resume(id) => self.set_paused(tick, id, false).map(granted),
@@ -114,24 +115,6 @@ impl LoopState {
                 Ok(Verdict::Waiting)
             }
         }
-    }
-
-    fn jog(&mut self, tick: &mut Tick<'_>, order: &JogOrder) -> Result<(), Refusal> {
-        self.check_motion_mode(CommandMode::Jog)?;
-        let running = self.motion.as_ref().filter(|_| self.ramp.is_none());
-        if running.is_some_and(|motion| motion.id == order.id) {
-            // A motion has one terminal status, so one identity cannot end and go on.
-            return Err(Refusal::Busy(order.id));
-        }
-        let start = match running.map(|motion| &motion.source) {
-            // On the curve, not between the set-points: so its velocity stays continuous.
-            Some(Source::Jog(jog)) => jog.state(tick.period_s()),
-            _ => self.rest()?,
-        };
-        let jog = JogMotion::plan(order, &start, &self.limits)?;
-        self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
-        self.motion = Some(Motion::new(order.id, Source::Jog(jog)));
-        Ok(())
     }
 
     /// The state a motion begins in that does not follow another.

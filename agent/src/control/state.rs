@@ -12,7 +12,8 @@ use super::controller::Controller;
 use super::equipment::Equipment;
 use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
-use super::motion::{Brake, End, Motion, Waiting};
+use super::motion::{Brake, End, Motion, OwnMotion, Waiting};
+use super::operational::reduced_limits;
 use super::standstill::Standstill;
 use super::stop::Stop;
 use super::tracking::Tracking;
@@ -25,6 +26,8 @@ pub(super) const MAX_FAULTS: usize = 10;
 #[derive(Debug)]
 pub struct LoopState {
     pub(super) limits: MotionLimits,
+    /// Limits at reduced speed; see [`limits_in_force`](Self::limits_in_force).
+    pub(super) reduced: MotionLimits,
     pub(super) seqno: u64,
     /// Changed by [`raise_epoch`](Self::raise_epoch) only.
     pub(super) epoch: u64,
@@ -45,6 +48,8 @@ pub struct LoopState {
     pub(super) motion: Option<Motion>,
     /// What waits for its end, in order; empty if there is no motion.
     pub(super) queue: ArrayVec<Waiting, MAX_QUEUED>,
+    /// What the controller is told about motions that it makes itself.
+    pub(super) own_motion: OwnMotion,
     /// Speed of all motions, 0.01 to 1.
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
@@ -117,6 +122,7 @@ impl LoopState {
     /// [`ParamsError::Period`] if the period is zero or longer than the communication timeout.
     pub fn new(params: &Params) -> Result<Self, ParamsError> {
         let limits = MotionLimits::new(&params.limits)?;
+        let reduced = reduced_limits(params)?;
         let expected = limits.len();
         for (field, vector) in [
             ("start_tolerance", &params.start_tolerance),
@@ -134,6 +140,7 @@ impl LoopState {
         }
         Ok(Self {
             limits,
+            reduced,
             seqno: 0,
             epoch: 0,
             mode: CommandMode::InvalidState,
@@ -149,6 +156,7 @@ impl LoopState {
             ramp: None,
             motion: None,
             queue: ArrayVec::new(),
+            own_motion: OwnMotion::default(),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
         })

@@ -33,7 +33,8 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     }
     tick.output.command = state.set_point(&mut tick);
     state.watch_standstill(&tick);
-    tick.output.driver_request = state.controller_request(&tick);
+    tick.output.driver_request =
+        state.controller_request(&tick).or_else(|| state.own_motion_request(tick.now));
     state.climb(&mut tick);
     state.answer_pending(&mut tick);
     output.snapshot = state.snapshot(params, now, output.command.as_ref());

@@ -89,7 +89,10 @@ impl LoopState {
             return;
         }
         let sent = tick.output.command.is_some()
-            || tick.output.driver_request == Some(DriverRequest::Disable);
+            || matches!(
+                tick.output.driver_request,
+                Some(DriverRequest::Disable | DriverRequest::StopMotion)
+            );
         let stages = [
             (StopStage::Commanded, sent || !self.condition.follows()),
             (StopStage::Standstill, self.standstill.is_shown(tick.params)),

@@ -111,7 +111,9 @@ impl LoopState {
         if is_motion_mode(self.mode) {
             if self.condition.follows() {
                 self.verify_tracking(tick, &feedback);
-            } else {
+            } else if self.mode != CommandMode::Homing || !self.condition.is_enabled() {
+                // While it homes, a controller may take no set-points; with its drives off it
+                // cannot home.
                 self.latch(tick, fault(FaultCode::NotReady, tick.now, 0.0));
             }
         }

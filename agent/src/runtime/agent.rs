@@ -13,7 +13,7 @@ use armada_protocol::messages::{CommandMode, EventKind, RobotFlags, SchedulingPo
 use armada_protocol::session::SessionError;
 use rtrb::Producer;
 use serde_json::Map;
-use tokio::sync::{Notify, mpsc, watch};
+use tokio::sync::{Notify, Semaphore, mpsc, watch};
 use tokio::task::JoinHandle as Task;
 use tracing::{error, info, warn};
 use uuid::Uuid;
@@ -29,7 +29,7 @@ use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
 use super::publisher::Publisher;
 use super::realtime::{self, RealtimeReport};
-use super::requests::Requests;
+use super::requests::{MAX_WAITS, Requests};
 use super::robot::Robot;
 use super::stop_gate::StopGate;
 use super::stop_intake::StopIntake;
@@ -337,6 +337,7 @@ impl Shared {
             joint_types: robot.joint_types(),
             orders: Mutex::new(orders),
             prepared: Mutex::default(),
+            waits: Semaphore::new(MAX_WAITS),
             cleared,
             remarks,
             boot_id: self.boot_id,

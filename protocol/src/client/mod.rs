@@ -141,7 +141,22 @@ impl Client {
         robot: &RobotName,
         params: M::Params,
     ) -> Result<M::Answer, ClientError> {
-        self.call_key::<M>(&keys::ROBOT_RPC.with(&[robot.as_str(), M::NAME]), params).await
+        self.call_within::<M>(robot, params, M::TIMEOUT).await
+    }
+
+    /// Asks a robot's agent and waits for the answer as long as `timeout`: for requests that are
+    /// answered at the end of a motion.
+    ///
+    /// # Errors
+    /// As [`Self::call`].
+    pub async fn call_within<M: Method>(
+        &self,
+        robot: &RobotName,
+        params: M::Params,
+        timeout: Duration,
+    ) -> Result<M::Answer, ClientError> {
+        let key = keys::ROBOT_RPC.with(&[robot.as_str(), M::NAME]);
+        self.call_key::<M>(&key, params, timeout).await
     }
 
     /// Asks the gateway.
@@ -149,7 +164,7 @@ impl Client {
     /// # Errors
     /// As [`Self::call`].
     pub async fn call_cell<M: Method>(&self, params: M::Params) -> Result<M::Answer, ClientError> {
-        self.call_key::<M>(&keys::CELL_RPC.with(&[M::NAME]), params).await
+        self.call_key::<M>(&keys::CELL_RPC.with(&[M::NAME]), params, M::TIMEOUT).await
     }
 
     /// Asks for a method by its name, with parameters and answer as they are on the wire: for
@@ -182,10 +197,11 @@ impl Client {
         &self,
         key: &str,
         params: M::Params,
+        timeout: Duration,
     ) -> Result<M::Answer, ClientError> {
         let request = Request::new(self.name.clone(), params);
         let payload = WireEncoding::Json.encode(&request)?;
-        self.ask(key, Some(payload), M::TIMEOUT).await
+        self.ask(key, Some(payload), timeout).await
     }
 
     /// Asks until somebody answers: after a reconnection a query may find nobody for a moment.

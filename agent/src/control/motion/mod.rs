@@ -15,15 +15,22 @@
 //! rest on its path where it can, however it ends; see `ramp`.
 
 mod course;
+mod dead_man;
+mod home;
 mod jog;
 mod lead_in;
 mod queue;
 mod ramp;
+mod speed;
+mod tool_speed;
 mod trajectory;
 
+pub(super) use dead_man::{DeadManJog, Wanted};
+pub(super) use home::{HomeMotion, OwnMotion};
 pub(super) use jog::JogMotion;
 pub(super) use queue::Waiting;
 pub(super) use ramp::Brake;
+pub(super) use speed::SpeedFollower;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionState};
 use armada_protocol::messages::{
@@ -33,7 +40,8 @@ use uuid::Uuid;
 
 use self::queue::Remains;
 use self::trajectory::TrajectoryMotion;
-use super::io::{LoopEvent, MotionReport, Refusal};
+use super::equipment::Equipment;
+use super::io::{LoopEvent, MotionReport, Params, Refusal};
 use super::state::{LoopState, Tick};
 use super::verify::fault;
 use crate::drivers::SetPoint;
@@ -72,6 +80,10 @@ pub(super) struct Motion {
 pub(super) enum Source {
     /// A move to a position.
     Jog(JogMotion),
+    /// Joints or tools at a speed.
+    DeadMan(DeadManJog),
+    /// Homing.
+    Home(HomeMotion),
     /// A trajectory.
     Trajectory(TrajectoryMotion),
     /// What was a trajectory, and is now with the [`Brake`]; how far it came.
@@ -90,8 +102,19 @@ enum Next {
     Last(MotionState),
     /// On the way into the next motion.
     Over(MotionState),
-    /// It cannot begin.
+    /// It cannot begin, or not go on.
     Failed(Refusal),
+}
+
+/// What a motion is given at each tick.
+pub(super) struct Drive<'a> {
+    pub(super) params: &'a Params,
+    pub(super) now: MonoTime,
+    pub(super) period_s: f64,
+    /// Limits in force, at a speed ratio of 1.
+    pub(super) limits: MotionLimits,
+    pub(super) speed_ratio: f64,
+    pub(super) equipment: &'a Equipment,
 }
 
 impl Motion {
@@ -111,7 +134,8 @@ impl Motion {
     /// Whether it makes the set-points, which it does not while it waits.
     pub(super) fn is_moving(&self) -> bool {
         match &self.source {
-            Source::Jog(_) | Source::Braked(..) => true,
+            Source::Jog(_) | Source::DeadMan(_) | Source::Braked(..) => true,
+            Source::Home(_) => !self.cancelling,
             Source::Trajectory(trajectory) => trajectory.is_under_way(),
         }
     }
@@ -119,6 +143,9 @@ impl Motion {
     pub(super) const fn kind(&self) -> MotionKind {
         match &self.source {
             Source::Jog(_) => MotionKind::JogFreespace,
+            Source::DeadMan(jog) if jog.moves_tools() => MotionKind::JogCartesian,
+            Source::DeadMan(_) => MotionKind::JogJoint,
+            Source::Home(_) => MotionKind::Home,
             Source::Trajectory(trajectory) => trajectory.kind(),
             Source::Braked(kind, _) => *kind,
         }
@@ -132,8 +159,8 @@ impl Motion {
     /// does not care.
     fn tolerance(&self, period_s: f64) -> (JointVector, JointVector) {
         match &self.source {
-            Source::Jog(_) | Source::Braked(..) => (JointVector::EMPTY, JointVector::EMPTY),
             Source::Trajectory(trajectory) => trajectory.tolerance(period_s),
+            _ => (JointVector::EMPTY, JointVector::EMPTY),
         }
     }
 
@@ -143,6 +170,12 @@ impl Motion {
         let (elapsed_s, duration_s, waypoint, rate, paused) = match &self.source {
             Source::Braked(_, progress) => return *progress,
             Source::Jog(jog) => (jog.elapsed_s(period_s), jog.duration_s(), 0, 1.0, false),
+            Source::DeadMan(jog) => {
+                (jog.elapsed_s(period_s), jog.duration_s(period_s), 0, 1.0, false)
+            }
+            Source::Home(home) => {
+                (home.elapsed_s(period_s), home.duration_s(), home.groups_done(), 1.0, false)
+            }
             Source::Trajectory(trajectory) => (
                 trajectory.elapsed_s(period_s),
                 trajectory.duration_s(),
@@ -154,9 +187,17 @@ impl Motion {
         MotionProgress { id: self.id, elapsed_s, duration_s, waypoint, rate, paused, queued: 0 }
     }
 
-    fn next(&mut self, tick: &Tick<'_>, held: &MotionState, limits: &MotionLimits) -> Next {
+    fn next(
+        &mut self,
+        tick: &Tick<'_>,
+        drive: &Drive<'_>,
+        held: &MotionState,
+        limits: &MotionLimits,
+    ) -> Next {
         match &mut self.source {
-            Source::Jog(jog) => jog.next(tick.period_s()),
+            Source::Jog(jog) => jog.next(drive),
+            Source::DeadMan(jog) => jog.next(drive),
+            Source::Home(home) => home.next(drive),
             Source::Trajectory(trajectory) => trajectory.next(tick, held, limits),
             // With its ramp over it has ended.
             Source::Braked(..) => Next::Waiting,
@@ -183,9 +224,18 @@ impl Motion {
         tick.event(LoopEvent::Motion(report));
     }
 
+    /// Says that it has begun, if that is not said yet, though it makes no set-points.
+    fn announce_running(&mut self, tick: &mut Tick<'_>) {
+        if self.started.is_none() {
+            self.started = Some(tick.now);
+            let report = self.report(ActionStatus::Running, None, tick.period_s());
+            tick.event(LoopEvent::Motion(report));
+        }
+    }
+
     fn report(&self, status: ActionStatus, reason: Option<Refusal>, period_s: f64) -> MotionReport {
         let (kind, progress) = (self.kind(), self.progress(period_s));
-        let executor = Executor::Agent;
+        let executor = if self.is_controllers() { Executor::Controller } else { Executor::Agent };
         let started = self.started;
         MotionReport { id: self.id, kind, executor, status, reason, started, progress }
     }
@@ -194,6 +244,10 @@ impl Motion {
 impl LoopState {
     /// The set-point of this tick, if a stream is alive.
     pub(super) fn set_point(&mut self, tick: &mut Tick<'_>) -> Option<SetPoint> {
+        self.follow_homing(tick);
+        if self.controller_moves() {
+            self.break_off(tick);
+        }
         self.limiter.last()?;
         self.look_ahead(tick);
         let (desired, end) = self.desired(tick)?;
@@ -218,6 +272,9 @@ impl LoopState {
             End::Cancelled(reason) => (ActionStatus::Cancelled, Some(reason)),
             End::Failed(reason) => (ActionStatus::Failed, Some(reason)),
         };
+        if motion.is_controllers() && status != ActionStatus::Complete && !motion.cancelling {
+            self.stop_own_motion();
+        }
         let report = motion.report(status, reason, tick.period_s());
         tick.event(LoopEvent::Motion(report));
         if let Source::Trajectory(trajectory) = motion.source {
@@ -250,10 +307,19 @@ impl LoopState {
             return self.ramp_step(tick);
         }
         let held = *self.limiter.last()?;
+        let limits = self.limits_in_force(tick.params);
         let Some(motion) = self.motion.as_mut() else {
             return Some((self.limiter.toward(&self.hold)?, None));
         };
-        let next = motion.next(tick, &held, &self.limits);
+        let drive = Drive {
+            params: tick.params,
+            now: tick.now,
+            period_s: tick.period_s(),
+            limits,
+            speed_ratio: self.speed_ratio,
+            equipment: &self.equipment,
+        };
+        let next = motion.next(tick, &drive, &held, &self.limits);
         motion.announce(tick, &next);
         match next {
             Next::Waiting => Some((self.limiter.toward(&self.hold)?, None)),
@@ -266,11 +332,26 @@ impl LoopState {
                 self.hold = state.position;
                 Some((state, Some(End::Complete)))
             }
-            Next::Failed(refusal) => {
-                self.end_motion(tick, End::Failed(refusal));
-                self.decelerate(tick);
-                self.ramp_step(tick).or_else(|| Some((self.limiter.toward(&self.hold)?, None)))
-            }
+            Next::Failed(refusal) => self.give_up(tick, refusal),
+        }
+    }
+
+    /// Ends a motion that cannot go on.
+    fn give_up(&mut self, tick: &mut Tick<'_>, why: Refusal) -> Option<(MotionState, Option<End>)> {
+        self.end_motion(tick, End::Failed(why));
+        self.decelerate(tick);
+        self.ramp_step(tick).or_else(|| Some((self.limiter.toward(&self.hold)?, None)))
+    }
+
+    /// What a motion is given at this tick, under these limits.
+    pub(super) fn drive<'a>(&'a self, tick: &Tick<'a>, limits: MotionLimits) -> Drive<'a> {
+        Drive {
+            params: tick.params,
+            now: tick.now,
+            period_s: tick.period_s(),
+            limits,
+            speed_ratio: self.speed_ratio,
+            equipment: &self.equipment,
         }
     }
 

@@ -118,6 +118,7 @@ impl LoopState {
             return Err(Refusal::EpochPassed { given, current: self.epoch });
         }
         self.check_motion_mode(CommandMode::Trajectory)?;
+        self.check_homed()?;
         let feedback = self.condition.feedback().ok_or(Refusal::CommunicationLost)?;
         check_suits(&order, tick.params, !feedback.joint_velocity.is_empty())?;
         if self.knows(order.id) {
@@ -236,6 +237,11 @@ impl LoopState {
             return Ok(());
         }
         motion.cancelling = true;
+        if motion.is_controllers() {
+            // Ends when the controller has shown that it stopped.
+            self.stop_own_motion();
+            return Ok(());
+        }
         self.drop_waiting(tick, 0, Refusal::QueueBroken);
         self.brake_motion(tick);
         if self.ramp.is_none() {
@@ -394,10 +400,7 @@ impl LoopState {
 
     /// Whether reduced speed is in force.
     fn is_reduced(&self, tick: &Tick<'_>) -> bool {
-        let mode = match self.condition.operational_mode() {
-            OperationalMode::Undefined => tick.params.operational_mode,
-            reported => reported,
-        };
+        let mode = self.operational_mode(tick.params);
         matches!(mode, OperationalMode::ManualReducedSpeed | OperationalMode::Undefined)
     }
 

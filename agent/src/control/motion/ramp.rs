@@ -121,12 +121,12 @@ impl LoopState {
     /// Ends the stream of set-points if the controller does not follow them or must not, and
     /// begins one at the measured position if it does; see the head of [`control`](super::super).
     pub(in crate::control) fn keep_stream(&mut self, tick: &mut Tick<'_>) {
+        self.settle_own_motion();
         let stop = self.stop.level();
-        let feedback = self.condition.feedback().filter(|_| self.condition.follows());
+        let followed = self.condition.follows() && !self.controller_moves();
+        let feedback = self.condition.feedback().filter(|_| followed);
         let Some(feedback) = feedback.filter(|_| stop != Some(StopLevel::L0)) else {
-            self.limiter.end();
-            self.tracking.forget();
-            self.release_brake(tick);
+            self.break_off(tick);
             return;
         };
         let wanted = self.mode != CommandMode::InvalidState || stop.is_some();
@@ -136,6 +136,13 @@ impl LoopState {
             let none = JointVector::EMPTY;
             self.tracking.record(tick.now, self.hold, none, (none, none));
         }
+    }
+
+    /// Ends the stream of set-points.
+    pub(super) fn break_off(&mut self, tick: &mut Tick<'_>) {
+        self.limiter.end();
+        self.tracking.forget();
+        self.release_brake(tick);
     }
 
     /// After a fault or stop was cleared: holds the robot where it is.

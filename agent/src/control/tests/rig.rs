@@ -9,7 +9,7 @@ use armada_model::{
     TrajectoryOptions, Waypoint,
 };
 use armada_protocol::messages::{
-    ActionStatus, CommandMode, FaultCode, OperationalMode, StopLevel, StopStage,
+    ActionStatus, CommandMode, FaultCode, OperationalMode, Queue, StopLevel, StopStage,
 };
 use arrayvec::ArrayVec;
 use uuid::Uuid;
@@ -63,11 +63,21 @@ pub(super) fn trajectory_within(
     position_tolerance: &[f64],
     rows: &[(f64, [f64; JOINTS])],
 ) -> Arc<CompiledTrajectory> {
+    trajectory_with(position_tolerance, &[], rows)
+}
+
+/// A trajectory that asks for tolerances of position and velocity at every waypoint.
+pub(super) fn trajectory_with(
+    position_tolerance: &[f64],
+    velocity_tolerance: &[f64],
+    rows: &[(f64, [f64; JOINTS])],
+) -> Arc<CompiledTrajectory> {
     let names = ["a", "b", "c"];
     let waypoints = rows.iter().map(|(time, row)| Waypoint {
         time_from_start_s: *time,
         joint_position: row.to_vec(),
         position_tolerance: position_tolerance.to_vec(),
+        velocity_tolerance: velocity_tolerance.to_vec(),
         ..Waypoint::default()
     });
     let trajectory = JointTrajectory {
@@ -100,6 +110,7 @@ pub(super) struct Plant {
     /// By how much the first joint drifts per tick, whatever it is told.
     pub(super) creep: f64,
     pub(super) reports_velocity: bool,
+    pub(super) operational_mode: OperationalMode,
     pub(super) asked: Vec<DriverRequest>,
     last: Option<Feedback>,
 }
@@ -122,6 +133,7 @@ impl Plant {
             blocked: false,
             creep: 0.0,
             reports_velocity: true,
+            operational_mode: OperationalMode::Cobot,
             asked: Vec::new(),
             last: None,
         }
@@ -147,7 +159,7 @@ impl Plant {
                 ready: self.ready,
                 emergency_stop: self.emergency_stop,
                 error_code: self.error_code,
-                operational_mode: OperationalMode::Cobot,
+                operational_mode: self.operational_mode,
                 ..Feedback::of(now, self.position)
             });
         }
@@ -459,6 +471,12 @@ pub(super) fn follow(id: u128, trajectory: &Arc<CompiledTrajectory>) -> Order {
     follow_with(id, trajectory, None, None)
 }
 
+/// A trajectory that is to be followed in another way than at once.
+pub(super) fn queued(id: u128, trajectory: &Arc<CompiledTrajectory>, queue: Queue) -> Order {
+    let (id, trajectory) = (Uuid::from_u128(id), Arc::clone(trajectory));
+    Order::Follow(FollowOrder { queue, ..FollowOrder::at_once(id, trajectory) })
+}
+
 pub(super) fn follow_with(
     id: u128,
     trajectory: &Arc<CompiledTrajectory>,
@@ -533,9 +551,10 @@ impl Watch {
             times.fold(0.0, f64::max) / params.period.as_secs_f64()
         };
         let allowance = 0.1 / params.period.as_secs_f64();
-        let left = self.stop_ticks.unwrap_or_else(|| ramp(before).ceil() + allowance) - 1.0;
+        let left = self.stop_ticks.unwrap_or_else(|| ramp(before).ceil() + allowance);
+        let left = (left - 1.0).max(0.0);
         assert!(ramp(velocity) <= left + 1e-6, "{} ticks to rest, {left} left", ramp(velocity));
-        self.stop_ticks = Some(left.max(0.0));
+        self.stop_ticks = Some(left);
     }
 
     fn check_event(&mut self, event: &LoopEvent) {

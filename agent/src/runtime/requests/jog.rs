@@ -16,6 +16,7 @@ impl Requests {
         asker: Asker,
         params: JogFreespaceParams,
     ) -> Result<Accepted, Denial> {
+        let answering = self.answering(params.wait)?;
         let fastest = self.limits.iter().map(|axis| axis.velocity).collect::<Vec<_>>();
         let fastest = JointVector::from_slice(&fastest).unwrap_or_default();
         let order = JogOrder {
@@ -30,7 +31,7 @@ impl Requests {
             duration_s: 0.0,
             waypoint_count: 0,
         };
-        self.start(&asker, motion, Order::Jog(order)).await
+        self.start_and(answering, &asker, motion, Order::Jog(order)).await
     }
 
     pub(super) async fn jog_joint(&self, _: Asker, _: JogJointParams) -> Result<Accepted, Denial> {

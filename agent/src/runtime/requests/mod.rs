@@ -10,6 +10,7 @@ mod program;
 mod recording;
 mod trajectory;
 mod values;
+mod wait;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,10 +25,11 @@ use armada_protocol::method::{Method, robot};
 use armada_protocol::serve::{Call, Handler};
 use rtrb::Producer;
 use serde_json::{Map, Value};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Semaphore, mpsc, watch};
 use uuid::Uuid;
 
 use self::prepare::PreparedMotion;
+pub(super) use self::wait::MAX_WAITS;
 use super::board::{Board, SharedBoard};
 use super::clock::monotonic;
 use super::desk::Remark;
@@ -48,6 +50,8 @@ pub(super) struct Requests {
     pub(super) joint_types: Vec<JointType>,
     pub(super) orders: Mutex<Producer<LoopRequest>>,
     pub(super) prepared: Mutex<HashMap<Uuid, PreparedMotion>>,
+    /// Places for requests that are answered at the end of their motion.
+    pub(super) waits: Semaphore,
     pub(super) cleared: watch::Receiver<u64>,
     pub(super) remarks: mpsc::Sender<Remark>,
     pub(super) boot_id: Uuid,

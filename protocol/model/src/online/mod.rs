@@ -4,6 +4,7 @@
 //! OnlineState, target --plan--> JerkLimitedMove --at(t)-----> OnlineState
 //! OnlineState ---------plan--> JerkLimitedStop --at(t)-----> OnlineState
 //! target, target, … --retarget--> Retargeter ---tick(dt)---> OnlineState
+//! OnlineState, velocity --toward_velocity(dt)--------------> OnlineState
 //! ```
 //!
 //! What the library behind it answers is never trusted: every motion is integrated anew from its
@@ -21,7 +22,9 @@ mod line;
 mod request;
 mod retargeter;
 mod ruckig;
+mod speed;
 mod stop;
+mod together;
 
 #[cfg(test)]
 mod tests;

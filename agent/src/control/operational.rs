@@ -1,0 +1,55 @@
+//! The operational mode: what the key switch allows.
+//!
+//! | mode | limits in force | jogs |
+//! |---|---|---|
+//! | `undefined`, `manual_reduced_speed` | reduced velocity and acceleration | allowed |
+//! | `manual_full_speed`, `cobot` | full | allowed |
+//! | `auto` | full | refused |
+//!
+//! A controller that does not report its mode is in the one of the robot file.
+
+use armada_model::{JointLimits, MotionLimits, MotionLimitsError};
+use armada_protocol::messages::OperationalMode;
+
+use super::io::{Params, Refusal};
+use super::state::LoopState;
+
+impl LoopState {
+    /// The operational mode in force.
+    pub(super) fn operational_mode(&self, params: &Params) -> OperationalMode {
+        match self.condition.operational_mode() {
+            OperationalMode::Undefined => params.operational_mode,
+            reported => reported,
+        }
+    }
+
+    /// What the joints may do in the operational mode in force, at a speed ratio of 1.
+    pub(super) fn limits_in_force(&self, params: &Params) -> MotionLimits {
+        match self.operational_mode(params) {
+            OperationalMode::Undefined | OperationalMode::ManualReducedSpeed => self.reduced,
+            OperationalMode::ManualFullSpeed | OperationalMode::Cobot | OperationalMode::Auto => {
+                self.limits
+            }
+        }
+    }
+
+    /// Refuses jogs where the key switch forbids them.
+    pub(super) fn check_jogs_allowed(&self, params: &Params) -> Result<(), Refusal> {
+        match self.operational_mode(params) {
+            OperationalMode::Auto => Err(Refusal::OperationalMode(OperationalMode::Auto)),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The limits at reduced speed; what is missing is not reduced.
+pub(super) fn reduced_limits(params: &Params) -> Result<MotionLimits, MotionLimitsError> {
+    let reduced = params.limits.iter().enumerate().map(|(joint, limits)| {
+        params.reduced.get(joint).map_or(*limits, |reduced| JointLimits {
+            velocity: reduced.velocity.min(limits.velocity),
+            acceleration: limits.acceleration.map(|highest| reduced.acceleration.min(highest)),
+            ..*limits
+        })
+    });
+    MotionLimits::new(&reduced.collect::<Vec<_>>())
+}
