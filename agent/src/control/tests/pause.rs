@@ -12,7 +12,7 @@ use crate::control::{Order, Refusal};
 use ActionStatus::{Cancelled, Complete, Paused, Running};
 use CommandMode::Trajectory;
 
-const END: [f64; 3] = [0.6, 0.4, 1.0];
+const END: [f64; 3] = [0.6, 0.3, 0.6];
 
 /// Round a corner at speed.
 fn path() -> Arc<CompiledTrajectory> {

@@ -232,11 +232,11 @@ fn the_loss_of_a_lease_ends_a_motion_as_it_was_told_to() {
         let lease = id(77);
         let ttl = PERIOD * 100;
         rig.ask(Order::AcquireLease { lease, ttl }).expect("granted");
-        rig.lease = Some(lease);
-        rig.ask(Order::SetMode(Trajectory)).expect("granted");
+        rig.ask_under(lease, Order::SetMode(Trajectory)).expect("granted");
         let first = FollowOrder::at_once(id(1), line(A, B));
-        rig.ask(Order::Follow(FollowOrder { on_lease_loss: reaction, ..first })).expect("granted");
-        rig.ask(queued(2, &line(B, C), Append)).expect("granted");
+        let first = Order::Follow(FollowOrder { on_lease_loss: reaction, ..first });
+        rig.ask_under(lease, first).expect("granted");
+        rig.ask_under(lease, queued(2, &line(B, C), Append)).expect("granted");
         rig.until("the end", |rig| rig.ended(1).is_some());
         assert_eq!(rig.ended(1).expect("ended").status, status, "{reaction:?}");
         assert_eq!(rig.ended(2).expect("ended").status, Cancelled, "{reaction:?}");

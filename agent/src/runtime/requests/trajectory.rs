@@ -131,7 +131,9 @@ fn check_lease_loss(reaction: LeaseLoss) -> Result<(), Denial> {
         LeaseLoss::ContinueS(time_s) if !(time_s > 0.0 && time_s <= MAX_CONTINUE_S) => {
             Err(Denial::new(
                 DenialCode::OutOfRange,
-                format!("on_lease_loss.continue_s is {time_s}, expected above 0 to {MAX_CONTINUE_S}"),
+                format!(
+                    "on_lease_loss.continue_s is {time_s}, expected above 0 to {MAX_CONTINUE_S}"
+                ),
             )
             .with("field", "on_lease_loss")
             .with("value", time_s)
