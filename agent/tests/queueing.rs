@@ -2,6 +2,7 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
+#[allow(dead_code, reason = "other tests use more of it")]
 mod common;
 
 use std::f64::consts::FRAC_PI_2;

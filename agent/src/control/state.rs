@@ -171,7 +171,7 @@ impl LoopState {
         self.epoch += 1;
         self.end_motion(tick, end);
         self.decelerate(tick);
-        if matches!(end, End::Failed(_)) {
+        if end.is_urgent() {
             self.hurry(tick);
         }
     }

@@ -57,6 +57,13 @@ pub(super) enum End {
     Failed(Refusal),
 }
 
+impl End {
+    /// Whether the robot is to stand as soon as may be: after a stop or a fault.
+    pub(super) fn is_urgent(self) -> bool {
+        matches!(self, Self::Failed(why) if why != Refusal::LeaseLost)
+    }
+}
+
 /// A motion in progress, or waiting for its start.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
@@ -278,9 +285,8 @@ impl LoopState {
         let report = motion.report(status, reason, tick.period_s());
         tick.event(LoopEvent::Motion(report));
         if let Source::Trajectory(trajectory) = motion.source {
-            let hurry = matches!(end, End::Failed(_));
             let moves = end != End::Complete && remains == Remains::Braked;
-            self.leave_behind(tick, trajectory, moves, hurry);
+            self.leave_behind(tick, trajectory, moves, end.is_urgent());
         }
         if end == End::Complete {
             self.promote(tick);
