@@ -23,7 +23,7 @@ use armada_model::{
     MotionLimits, Pose, RobotModel, TrajectoryOptions, Twist, Waypoint,
 };
 use armada_protocol::messages::{
-    CommandMode, HomeMethod, JogFrame, OperationalMode, StopLevel, StreamHeader,
+    CommandMode, HomeMethod, JogFrame, OperationalMode, Queue, StopLevel, StreamHeader,
 };
 use arrayvec::ArrayVec;
 use uuid::Uuid;
@@ -368,9 +368,48 @@ fn trajectories_allocate_nothing_and_are_not_freed_in_the_loop() {
     let armed = follow(4, &trajectory(0.5, 0.0), Some(rig.now + PERIOD * 100));
     rig.tick([armed]);
     rig.ticks(600);
-    assert_eq!(rig.tick([Order::Halt]).retired.len(), 1);
-    rig.ticks(1000);
+    // Given back when the robot has come to rest on it.
+    let mut given_back = rig.tick([Order::Halt]).retired.len();
+    for _ in 0..1000 {
+        given_back += rig.tick([]).retired.len();
+    }
+    assert_eq!(given_back, 1);
     rig.expect_mode(CommandMode::Halt);
+}
+
+#[test]
+fn pauses_speeds_queues_blends_and_replacements_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Trajectory)]);
+    let queued = |id, from, to, queue| match follow(id, &trajectory(from, to), None) {
+        Order::Follow(order) => Order::Follow(FollowOrder { queue, ..order }),
+        other => other,
+    };
+    let motion = Uuid::from_u128(1);
+    let mut retired = Vec::new();
+    retired.extend(rig.tick([queued(1, 0.0, 0.4, Queue::Append)]).retired);
+    retired.extend(rig.tick([queued(2, 0.4, 0.8, Queue::AppendBlended)]).retired);
+    retired.extend(rig.tick([queued(3, 0.8, 0.4, Queue::Append)]).retired);
+    for orders in [
+        [Order::Pause(motion), Order::SetSpeedRatio(0.5)],
+        [Order::Resume(motion), Order::SetSpeedRatio(1.0)],
+    ] {
+        rig.ticks(200);
+        retired.extend(rig.tick(orders).retired);
+    }
+    for _ in 0..1200 {
+        retired.extend(rig.tick([]).retired);
+    }
+    let here = rig.held();
+    retired.extend(rig.tick([queued(4, here, here + 0.3, Queue::Replace)]).retired);
+    rig.ticks(300);
+    retired.extend(rig.tick([Order::Cancel(Uuid::from_u128(4))]).retired);
+    for _ in 0..1200 {
+        retired.extend(rig.tick([]).retired);
+    }
+    assert_eq!(retired.len(), 4);
+    rig.expect_mode(CommandMode::Trajectory);
 }
 
 #[test]

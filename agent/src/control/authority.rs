@@ -166,6 +166,8 @@ impl LoopState {
         let Attribution { commands, motion, lease } = granted;
         if let Some(motion) = self.motion.as_mut().filter(|begun| Some(begun.id) == motion) {
             motion.lease = lease;
+        } else if let Some(waiting) = motion {
+            self.attribute_waiting(waiting, lease);
         }
         if commands && lease.is_none() && self.authority.stale().is_some() {
             // Somebody else drives now, so the holder must not find itself in charge again.
@@ -195,6 +197,8 @@ impl LoopState {
         if !may_go_on {
             self.end_motion(tick, End::Failed(Refusal::LeaseLost));
             self.decelerate(tick);
+        } else {
+            self.end_after_this(tick, Refusal::LeaseLost);
         }
     }
 }

@@ -2,11 +2,10 @@
 
 use armada_model::MotionState;
 use armada_protocol::messages::{CommandMode, FaultCode};
-use uuid::Uuid;
 
 use super::authority::Attribution;
-use super::io::{FollowOrder, LoopRequest, Order, Refusal, Retired};
-use super::motion::{End, Motion, Source, StartPoint, TrajectoryMotion};
+use super::io::{LoopRequest, Order, Refusal, Retired};
+use super::motion::End;
 use super::state::{LoopState, Tick};
 use super::values::{ValueOrder, ValuePlace};
 use crate::drivers::{DriverRequest, Values};
@@ -44,9 +43,9 @@ impl LoopState {
             Order::JogJoint(order) => self.jog_joint(tick, &order).map(granted),
             Order::JogCartesian(order) => self.jog_cartesian(tick, &order).map(granted),
             Order::Delegate(order) => self.delegate(tick, &order).map(granted),
-            Order::Pause(id) => self.pause_delegated(tick, id, true).map(granted),
-            Order::Resume(id) => self.pause_delegated(tick, id, false).map(granted),
-            Order::SetSpeedRatio(_) => Err(Refusal::NotSupported("speed ratios")),
+            Order::Pause(id) => self.set_paused(tick, id, true).map(granted),
+            Order::Resume(id) => self.set_paused(tick, id, false).map(granted),
+            Order::SetSpeedRatio(ratio) => self.set_speed_ratio(tick, ratio).map(granted),
             Order::SetEquipment(order) => self.set_equipment(tick, order).map(granted),
             Order::SetSignal { signal, values, restricted } => {
                 let place = ValuePlace::Signal(signal);
@@ -122,56 +121,6 @@ impl LoopState {
                 Ok(Verdict::Waiting)
             }
         }
-    }
-
-    fn follow(&mut self, tick: &mut Tick<'_>, order: FollowOrder) -> Result<(), Refusal> {
-        match self.plan_to_follow(tick, &order) {
-            Ok(trajectory) => {
-                let motion = Motion::new(order.id, Source::Trajectory(trajectory));
-                self.motion = Some(motion.on_lease_loss(order.on_lease_loss));
-                Ok(())
-            }
-            Err(refusal) => {
-                tick.retire(Retired::Trajectory(order.trajectory));
-                Err(refusal)
-            }
-        }
-    }
-
-    fn plan_to_follow(
-        &self,
-        tick: &Tick<'_>,
-        order: &FollowOrder,
-    ) -> Result<TrajectoryMotion, Refusal> {
-        self.check_gate()?;
-        if let Some(given) = order.epoch.filter(|&given| given != self.epoch) {
-            return Err(Refusal::EpochPassed { given, current: self.epoch });
-        }
-        self.check_motion_mode(CommandMode::Trajectory)?;
-        self.check_homed()?;
-        if let Some(motion) = self.motion.as_ref().filter(|_| self.ramp.is_none()) {
-            return Err(Refusal::Busy(motion.id));
-        }
-        let held = self.rest()?;
-        let measured = self.condition.feedback().ok_or(Refusal::CommunicationLost)?;
-        let from = StartPoint { held: &held, measured: &measured.joint_position };
-        TrajectoryMotion::plan(order, &from, &self.limits, tick)
-    }
-
-    fn cancel(&mut self, tick: &mut Tick<'_>, id: Uuid) -> Result<(), Refusal> {
-        let motion = self.motion.as_mut().filter(|motion| motion.id == id);
-        let motion = motion.ok_or(Refusal::NoSuchMotion)?;
-        motion.cancelling = true;
-        if motion.is_controllers() {
-            // Ends when the controller has shown that it stopped.
-            self.stop_own_motion();
-            return Ok(());
-        }
-        self.decelerate(tick);
-        if self.ramp.is_none() {
-            self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
-        }
-        Ok(())
     }
 
     /// The state a motion begins in that does not follow another.

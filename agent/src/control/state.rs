@@ -3,16 +3,16 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError, StopRamp};
+use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError};
 use armada_protocol::messages::CommandMode;
 use arrayvec::ArrayVec;
 
 use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::{Equipment, OwedLoads};
-use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal, Retired};
+use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
-use super::motion::{End, Motion, OwnMotion};
+use super::motion::{Brake, End, Motion, OwnMotion, Waiting};
 use super::operational::reduced_limits;
 use super::standstill::Standstill;
 use super::stop::Stop;
@@ -46,9 +46,11 @@ pub struct LoopState {
     pub(super) limiter: Limiter,
     /// Where the robot is held while neither ramp nor motion is in progress.
     pub(super) hold: JointVector,
-    pub(super) ramp: Option<StopRamp>,
+    pub(super) ramp: Option<Brake>,
     pub(super) motion: Option<Motion>,
     pub(super) stream: Stream,
+    /// What waits for its end, in order; empty if there is no motion.
+    pub(super) queue: ArrayVec<Waiting, MAX_QUEUED>,
     /// What the controller is told about motions that it makes itself.
     pub(super) own_motion: OwnMotion,
     /// Speed of all motions, 0.01 to 1.
@@ -159,6 +161,7 @@ impl LoopState {
             ramp: None,
             motion: None,
             stream: Stream::new(params),
+            queue: ArrayVec::new(),
             own_motion: OwnMotion::default(),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
@@ -177,6 +180,9 @@ impl LoopState {
         self.end_motion(tick, end);
         self.end_stream(tick);
         self.decelerate(tick);
+        if end.is_urgent() {
+            self.hurry(tick);
+        }
     }
 
     /// Enters `mode` in a new epoch; `end` is what becomes of the motion of the old one.

@@ -1,6 +1,7 @@
 //! The phases of a tick, in their order.
 
 use armada_model::{JointVector, MonoTime};
+use armada_protocol::messages::MotionProgress;
 use arrayvec::ArrayVec;
 
 use super::io::{Input, Output, Params, Snapshot};
@@ -26,7 +27,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     state.verify(&mut tick, input.feedback.as_ref());
     state.follow_stop(&mut tick, input.stop);
     state.watch_lease(&mut tick);
-    state.keep_stream(&tick);
+    state.keep_stream(&mut tick);
     for request in input.requests.drain(..) {
         state.take(&mut tick, request);
     }
@@ -75,7 +76,10 @@ impl LoopState {
             joint_effort: measured(|feedback| feedback.joint_effort),
             joint_position_command,
             joint_velocity_command,
-            motion: self.motion.as_ref().map(|motion| motion.progress(period_s)),
+            motion: self.motion.as_ref().map(|motion| MotionProgress {
+                queued: u32::try_from(self.waiting_count()).unwrap_or(u32::MAX),
+                ..motion.progress(period_s)
+            }),
             limited_setpoints: self.limiter.changed(),
             speed_ratio: self.speed_ratio,
             lease: self.authority.report(),

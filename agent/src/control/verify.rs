@@ -140,7 +140,7 @@ impl LoopState {
             return;
         }
         if let Some(excess) = self.tracking.excess(tick.params, feedback) {
-            let fault = fault(FaultCode::TrackingError, tick.now, excess.error);
+            let fault = fault(excess.code, tick.now, excess.error);
             self.latch(tick, LoopFault { joint: Some(excess.joint), limit: excess.limit, ..fault });
         }
     }

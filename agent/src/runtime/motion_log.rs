@@ -81,13 +81,22 @@ impl MotionLog {
         Some(status.clone())
     }
 
-    /// The motion that is not over yet, if there is one.
-    pub(super) fn current(&self) -> Option<&MotionStatus> {
-        self.order
-            .iter()
-            .rev()
-            .filter_map(|id| self.by_id.get(id))
-            .find(|m| !m.status.is_terminal())
+    /// The motion in progress, if there is one: `running`, as the loop says, or else the oldest
+    /// that is not over.
+    pub(super) fn current(&self, running: Option<Uuid>) -> Option<&MotionStatus> {
+        let told = running.and_then(|id| self.by_id.get(&id));
+        told.filter(|motion| !motion.status.is_terminal()).or_else(|| self.open().next())
+    }
+
+    /// The motions that wait for the end of the one in progress, in their order.
+    pub(super) fn waiting(&self, running: Option<Uuid>) -> Vec<Uuid> {
+        let current = self.current(running).map(|motion| motion.id);
+        self.open().map(|motion| motion.id).filter(|id| Some(*id) != current).collect()
+    }
+
+    /// All motions that are not over, oldest first.
+    fn open(&self) -> impl Iterator<Item = &MotionStatus> {
+        self.all().filter(|motion| !motion.status.is_terminal())
     }
 
     /// Status of one motion.

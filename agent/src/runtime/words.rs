@@ -354,15 +354,6 @@ pub(super) fn trajectory_denial(error: &TrajectoryError) -> Denial {
     }
 }
 
-/// A waypoint asks for the supervision of velocity, which the loop does not do.
-pub(super) fn velocity_tolerance_denial(waypoint: usize) -> Denial {
-    let text = format!(
-        "waypoint {waypoint}: velocity_tolerance is not supported, leave it out; position is \
-         supervised by position_tolerance"
-    );
-    Denial::new(DenialCode::NotSupported, text).with("field", "velocity_tolerance")
-}
-
 /// A waypoint would let the robot be further away than the robot's own supervision does.
 pub(super) fn wide_tolerance_denial(
     waypoint: usize,

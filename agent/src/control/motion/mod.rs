@@ -10,11 +10,17 @@
 //! `cancelled` after a cancel is said when the ramp has ended, so it means that the robot has been
 //! brought to rest on purpose. When the epoch is raised the motion is over at once, and the ramp is
 //! nobody's any more: a stop or halt must not wait for a report, nor be waited for.
+//!
+//! A trajectory may be paused and resumed, and others may wait behind it; see `queue`. It comes to
+//! rest on its path where it can, however it ends; see `ramp`.
 
+mod course;
 mod dead_man;
 mod delegated;
 mod home;
 mod jog;
+mod lead_in;
+mod queue;
 mod ramp;
 mod speed;
 mod stream;
@@ -25,9 +31,10 @@ pub(super) use dead_man::{DeadManJog, Wanted};
 pub(super) use delegated::DelegatedMotion;
 pub(super) use home::{HomeMotion, OwnMotion};
 pub(super) use jog::JogMotion;
+pub(super) use queue::Waiting;
+pub(super) use ramp::Brake;
 pub(super) use speed::SpeedFollower;
 pub(super) use stream::StreamFollower;
-pub(super) use trajectory::{StartPoint, TrajectoryMotion};
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionState};
 use armada_protocol::messages::{
@@ -35,9 +42,11 @@ use armada_protocol::messages::{
 };
 use uuid::Uuid;
 
+use self::queue::Remains;
+use self::trajectory::TrajectoryMotion;
 use super::equipment::Equipment;
 use super::faults::fault;
-use super::io::{LoopEvent, MotionReport, Params, Refusal, Retired};
+use super::io::{LoopEvent, MotionReport, Params, Refusal};
 use super::state::{LoopState, Tick};
 use crate::drivers::SetPoint;
 
@@ -52,8 +61,15 @@ pub(super) enum End {
     Failed(Refusal),
 }
 
+impl End {
+    /// Whether the robot is to stand as soon as may be: after a stop or a fault.
+    pub(super) fn is_urgent(self) -> bool {
+        matches!(self, Self::Failed(why) if why != Refusal::LeaseLost)
+    }
+}
+
 /// A motion in progress, or waiting for its start.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Motion {
     pub(super) id: Uuid,
     pub(super) source: Source,
@@ -70,7 +86,8 @@ pub(super) struct Motion {
 }
 
 /// What makes the set-points of a motion.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 pub(super) enum Source {
     /// A move to a position.
     Jog(JogMotion),
@@ -82,6 +99,8 @@ pub(super) enum Source {
     Trajectory(TrajectoryMotion),
     /// A move of the controller's own.
     Delegated(DelegatedMotion),
+    /// What was a trajectory, and is now with the [`Brake`]; how far it came.
+    Braked(MotionKind, MotionProgress),
 }
 
 /// What a motion has to say in one tick.
@@ -94,9 +113,9 @@ enum Next {
     Moving(MotionState),
     /// Its end, which it reaches exactly.
     Last(MotionState),
-    /// Its time has passed without it, by so much \[s\].
-    Missed(f64),
-    /// It cannot go on.
+    /// On the way into the next motion.
+    Over(MotionState),
+    /// It cannot begin, or not go on.
     Failed(Refusal),
 }
 
@@ -128,7 +147,7 @@ impl Motion {
     /// Whether it makes the set-points, which it does not while it waits.
     pub(super) fn is_moving(&self) -> bool {
         match &self.source {
-            Source::Jog(_) | Source::DeadMan(_) => true,
+            Source::Jog(_) | Source::DeadMan(_) | Source::Braked(..) => true,
             Source::Home(_) => !self.cancelling,
             Source::Trajectory(trajectory) => trajectory.is_under_way(),
             Source::Delegated(delegated) => delegated.is_moving(),
@@ -141,51 +160,67 @@ impl Motion {
             Source::DeadMan(jog) if jog.moves_tools() => MotionKind::JogCartesian,
             Source::DeadMan(_) => MotionKind::JogJoint,
             Source::Home(_) => MotionKind::Home,
-            Source::Trajectory(_) => MotionKind::Trajectory,
+            Source::Trajectory(trajectory) => trajectory.kind(),
+            Source::Braked(kind, _) => *kind,
             Source::Delegated(delegated) => delegated.kind(),
         }
     }
 
-    /// How near it wants the robot to its newest set-point; empty if it does not care.
-    fn tolerance(&self) -> JointVector {
+    const fn is_paused(&self) -> bool {
+        matches!(&self.source, Source::Trajectory(trajectory) if trajectory.is_paused())
+    }
+
+    /// How near it wants the robot to its newest set-point, in position and velocity; empty if it
+    /// does not care.
+    fn tolerance(&self, period_s: f64) -> (JointVector, JointVector) {
         match &self.source {
-            Source::Jog(_) | Source::DeadMan(_) | Source::Home(_) | Source::Delegated(_) => {
-                JointVector::EMPTY
-            }
-            Source::Trajectory(trajectory) => trajectory.tolerance(),
+            Source::Trajectory(trajectory) => trajectory.tolerance(period_s),
+            _ => (JointVector::EMPTY, JointVector::EMPTY),
         }
     }
 
+    /// How far it has come by its own clock, which is that of its path: at half the speed it takes
+    /// twice as long.
     pub(super) fn progress(&self, period_s: f64) -> MotionProgress {
-        let (elapsed_s, duration_s, waypoint) = match &self.source {
-            Source::Jog(jog) => (jog.elapsed_s(period_s), jog.duration_s(), 0),
-            Source::DeadMan(jog) => (jog.elapsed_s(period_s), jog.duration_s(period_s), 0),
-            Source::Home(home) => (home.elapsed_s(period_s), home.duration_s(), home.groups_done()),
-            Source::Trajectory(trajectory) => {
-                (trajectory.elapsed_s(period_s), trajectory.duration_s(), trajectory.waypoint())
+        let (elapsed_s, duration_s, waypoint, rate, paused) = match &self.source {
+            Source::Braked(_, progress) => return *progress,
+            Source::Jog(jog) => (jog.elapsed_s(period_s), jog.duration_s(), 0, 1.0, false),
+            Source::DeadMan(jog) => {
+                (jog.elapsed_s(period_s), jog.duration_s(period_s), 0, 1.0, false)
             }
+            Source::Home(home) => {
+                (home.elapsed_s(period_s), home.duration_s(), home.groups_done(), 1.0, false)
+            }
+            Source::Trajectory(trajectory) => (
+                trajectory.elapsed_s(period_s),
+                trajectory.duration_s(),
+                trajectory.waypoint(),
+                trajectory.rate(),
+                trajectory.is_paused(),
+            ),
             // Of its time nothing is known: its clock is the share of the way.
-            Source::Delegated(delegated) => (delegated.progress(), 1.0, 0),
+            Source::Delegated(delegated) => {
+                let paused = delegated.is_paused();
+                (delegated.progress(), 1.0, 0, if paused { 0.0 } else { 1.0 }, paused)
+            }
         };
-        let paused = matches!(&self.source, Source::Delegated(delegated) if delegated.is_paused());
-        MotionProgress {
-            id: self.id,
-            elapsed_s,
-            duration_s,
-            waypoint,
-            rate: if paused { 0.0 } else { 1.0 },
-            paused,
-            queued: 0,
-        }
+        MotionProgress { id: self.id, elapsed_s, duration_s, waypoint, rate, paused, queued: 0 }
     }
 
-    fn next(&mut self, tick: &Tick<'_>, drive: &Drive<'_>) -> Next {
+    fn next(
+        &mut self,
+        tick: &Tick<'_>,
+        drive: &Drive<'_>,
+        held: &MotionState,
+        limits: &MotionLimits,
+    ) -> Next {
         match &mut self.source {
             Source::Jog(jog) => jog.next(drive),
             Source::DeadMan(jog) => jog.next(drive),
             Source::Home(home) => home.next(drive),
-            Source::Trajectory(trajectory) => trajectory.next(tick.now, tick.params.period),
-            Source::Delegated(_) => Next::Waiting,
+            Source::Trajectory(trajectory) => trajectory.next(tick, held, limits),
+            // With its ramp over it has ended; the controller's own move is looked after elsewhere.
+            Source::Braked(..) | Source::Delegated(_) => Next::Waiting,
         }
     }
 
@@ -196,8 +231,11 @@ impl Motion {
                 self.queued = true;
                 ActionStatus::Queued
             }
-            Next::Moving(_) | Next::Last(_) if self.started.is_none() => {
+            Next::Moving(_) | Next::Last(_) | Next::Over(_) if self.started.is_none() => {
                 self.started = Some(tick.now);
+                if self.is_paused() {
+                    return;
+                }
                 ActionStatus::Running
             }
             _ => return,
@@ -229,15 +267,21 @@ impl LoopState {
         self.follow_homing(tick);
         self.follow_delegated(tick);
         if self.controller_moves() {
-            self.break_off();
+            self.break_off(tick);
         }
         self.limiter.last()?;
+        self.look_ahead(tick);
         let (desired, end) = self.desired(tick)?;
         self.emit(tick, &desired, end)
     }
 
-    /// Ends the motion, if there is one: its one terminal status.
+    /// Ends the motion, if there is one: its one terminal status. All that waits for it ends too,
+    /// and one on a path is brought to rest on it; what else moves, the caller has to see to.
     pub(super) fn end_motion(&mut self, tick: &mut Tick<'_>, end: End) {
+        self.finish_motion(tick, end, Remains::Braked);
+    }
+
+    fn finish_motion(&mut self, tick: &mut Tick<'_>, end: End, remains: Remains) {
         let Some(motion) = self.motion.take() else {
             return;
         };
@@ -255,15 +299,34 @@ impl LoopState {
         let report = motion.report(status, reason, tick.period_s());
         tick.event(LoopEvent::Motion(report));
         if let Source::Trajectory(trajectory) = motion.source {
-            tick.retire(Retired::Trajectory(trajectory.into_trajectory()));
+            let moves = end != End::Complete && remains == Remains::Braked;
+            self.leave_behind(tick, trajectory, moves, end.is_urgent());
         }
+        if end == End::Complete {
+            self.promote(tick);
+        } else {
+            self.drop_waiting(tick, 0, Refusal::QueueBroken);
+        }
+    }
+
+    /// Brings the motion to rest that is being cancelled.
+    fn brake_motion(&mut self, tick: &mut Tick<'_>) {
+        let Some(motion) = self.motion.as_mut() else { return };
+        if let Source::Trajectory(trajectory) = &motion.source {
+            let braked = Source::Braked(trajectory.kind(), motion.progress(tick.period_s()));
+            if let Source::Trajectory(trajectory) = std::mem::replace(&mut motion.source, braked) {
+                self.leave_behind(tick, trajectory, true, false);
+            }
+        }
+        self.decelerate(tick);
     }
 
     /// What the source in charge asks for, and whether the motion ends with it.
     fn desired(&mut self, tick: &mut Tick<'_>) -> Option<(MotionState, Option<End>)> {
         if self.ramp.is_some() {
-            return self.ramp_step();
+            return self.ramp_step(tick);
         }
+        let held = *self.limiter.last()?;
         let limits = self.limits_in_force(tick.params);
         let Some(motion) = self.motion.as_mut() else {
             let state = self.stream_step(tick).or_else(|| self.limiter.toward(&self.hold))?;
@@ -277,16 +340,19 @@ impl LoopState {
             speed_ratio: self.speed_ratio,
             equipment: &self.equipment,
         };
-        let next = motion.next(tick, &drive);
+        let next = motion.next(tick, &drive, &held, &self.limits);
         motion.announce(tick, &next);
         match next {
             Next::Waiting => Some((self.limiter.toward(&self.hold)?, None)),
             Next::Approaching(state) | Next::Moving(state) => Some((state, None)),
+            Next::Over(state) => {
+                self.go_over(tick);
+                Some((state, None))
+            }
             Next::Last(state) => {
                 self.hold = state.position;
                 Some((state, Some(End::Complete)))
             }
-            Next::Missed(late_s) => self.give_up(tick, Refusal::StartMissed { late_s }),
             Next::Failed(refusal) => self.give_up(tick, refusal),
         }
     }
@@ -295,7 +361,7 @@ impl LoopState {
     fn give_up(&mut self, tick: &mut Tick<'_>, why: Refusal) -> Option<(MotionState, Option<End>)> {
         self.end_motion(tick, End::Failed(why));
         self.decelerate(tick);
-        self.ramp_step().or_else(|| Some((self.limiter.toward(&self.hold)?, None)))
+        self.ramp_step(tick).or_else(|| Some((self.limiter.toward(&self.hold)?, None)))
     }
 
     /// What a motion is given at this tick, under these limits.
@@ -321,8 +387,10 @@ impl LoopState {
             self.latch(tick, fault(FaultCode::LoopError, tick.now, 0.0));
             return None;
         };
-        let tolerance = self.motion.as_ref().map_or(JointVector::EMPTY, Motion::tolerance);
-        self.tracking.record(tick.now, set_point.joint_position, tolerance);
+        let none = (JointVector::EMPTY, JointVector::EMPTY);
+        let tolerance = self.motion.as_ref().map_or(none, |m| m.tolerance(tick.period_s()));
+        let velocity = self.limiter.last().map_or(JointVector::EMPTY, |last| last.velocity);
+        self.tracking.record(tick.now, set_point.joint_position, velocity, tolerance);
         if let Some(end) = end {
             self.end_motion(tick, end);
         }

@@ -6,14 +6,19 @@ use armada_model::{
     CompiledTrajectory, JointTrajectory, Tolerance, TrajectoryContext, TrajectoryOptions,
 };
 use armada_protocol::messages::{
-    Accepted, CancelParams, Denial, Empty, ExecuteTrajectoryParams, Executor, MotionKind,
-    MotionParams, SpeedRatioAnswer, SpeedRatioParams,
+    Accepted, CancelParams, Denial, DenialCode, Empty, ExecuteTrajectoryParams, Executor,
+    LeaseLoss, MotionKind, MotionParams, SpeedRatioAnswer, SpeedRatioParams,
 };
 use uuid::Uuid;
 
 use super::{Asker, LOOP_PATIENCE, NewMotion, Requests};
 use crate::control::{FollowOrder, Order};
-use crate::runtime::words::{trajectory_denial, velocity_tolerance_denial, wide_tolerance_denial};
+use crate::runtime::words::{trajectory_denial, wide_tolerance_denial};
+
+/// Lowest speed of all motions over what they were planned for.
+const MIN_SPEED_RATIO: f64 = 0.01;
+/// Longest time a motion may go on without its lease \[s\].
+const MAX_CONTINUE_S: f64 = 60.0;
 
 impl Requests {
     pub(super) async fn execute_trajectory(
@@ -21,6 +26,8 @@ impl Requests {
         asker: Asker,
         params: ExecuteTrajectoryParams,
     ) -> Result<Accepted, Denial> {
+        let answering = self.answering(params.wait)?;
+        check_lease_loss(params.on_lease_loss)?;
         let trajectory = self.compile(&params.trajectory)?;
         let id = params.motion_id.unwrap_or_else(Uuid::now_v7);
         let order = FollowOrder {
@@ -32,7 +39,8 @@ impl Requests {
             queue: params.queue,
             on_lease_loss: params.on_lease_loss,
         };
-        self.follow(&asker, order).await
+        let accepted = self.follow(&asker, order).await?;
+        self.finish(accepted, answering).await
     }
 
     /// Hands a compiled trajectory to the loop.
@@ -59,20 +67,33 @@ impl Requests {
         Ok(Empty {})
     }
 
-    pub(super) async fn pause(&self, _: Asker, _: MotionParams) -> Result<Empty, Denial> {
-        Err(self.not_supported("pause"))
+    pub(super) async fn pause(&self, asker: Asker, params: MotionParams) -> Result<Empty, Denial> {
+        self.ask(&asker, Order::Pause(params.motion_id), LOOP_PATIENCE).await?;
+        Ok(Empty {})
     }
 
-    pub(super) async fn resume(&self, _: Asker, _: MotionParams) -> Result<Empty, Denial> {
-        Err(self.not_supported("resume"))
+    pub(super) async fn resume(&self, asker: Asker, params: MotionParams) -> Result<Empty, Denial> {
+        self.ask(&asker, Order::Resume(params.motion_id), LOOP_PATIENCE).await?;
+        Ok(Empty {})
     }
 
     pub(super) async fn set_speed_ratio(
         &self,
-        _: Asker,
-        _: SpeedRatioParams,
+        asker: Asker,
+        params: SpeedRatioParams,
     ) -> Result<SpeedRatioAnswer, Denial> {
-        Err(self.not_supported("set_speed_ratio"))
+        let ratio = params.ratio;
+        if !(MIN_SPEED_RATIO..=1.0).contains(&ratio) {
+            return Err(Denial::new(
+                DenialCode::OutOfRange,
+                format!("ratio is {ratio}, expected {MIN_SPEED_RATIO} to 1"),
+            )
+            .with("field", "ratio")
+            .with("value", ratio)
+            .with("limit", if ratio > 1.0 { 1.0 } else { MIN_SPEED_RATIO }));
+        }
+        self.ask(&asker, Order::SetSpeedRatio(ratio), LOOP_PATIENCE).await?;
+        Ok(SpeedRatioAnswer { speed_ratio: ratio })
     }
 
     pub(super) fn compile(
@@ -91,14 +112,11 @@ impl Requests {
         Ok(Arc::new(compiled))
     }
 
-    /// Refuses tolerances that the loop would not keep: wider than the robot's own, or of velocity.
+    /// Refuses tolerances that the loop would not keep: wider than the robot's own.
     fn check_tolerances(&self, trajectory: &CompiledTrajectory) -> Result<(), Denial> {
         let names = &self.joint_names;
         for waypoint in 0..trajectory.waypoint_count() {
-            let Tolerance { position, velocity, .. } = trajectory.tolerance(waypoint);
-            if !velocity.is_empty() {
-                return Err(velocity_tolerance_denial(waypoint));
-            }
+            let Tolerance { position, .. } = trajectory.tolerance(waypoint);
             let rows = position.iter().zip(self.params.tracking_tolerance.iter()).zip(names);
             for ((&value, &limit), joint) in rows {
                 if value > limit {
@@ -107,5 +125,23 @@ impl Requests {
             }
         }
         Ok(())
+    }
+}
+
+/// Refuses a time to go on without a lease that is out of its range.
+fn check_lease_loss(reaction: LeaseLoss) -> Result<(), Denial> {
+    match reaction {
+        LeaseLoss::ContinueS(time_s) if !(time_s > 0.0 && time_s <= MAX_CONTINUE_S) => {
+            Err(Denial::new(
+                DenialCode::OutOfRange,
+                format!(
+                    "on_lease_loss.continue_s is {time_s}, expected above 0 to {MAX_CONTINUE_S}"
+                ),
+            )
+            .with("field", "on_lease_loss")
+            .with("value", time_s)
+            .with("limit", MAX_CONTINUE_S))
+        }
+        _ => Ok(()),
     }
 }

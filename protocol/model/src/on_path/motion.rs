@@ -157,6 +157,48 @@ impl OnPath {
         Ok(motion)
     }
 
+    /// Goes on along another `curve` from its phase `phase_s` \[s\], as fast as now.
+    ///
+    /// That is legal where both curves have the same position and derivatives here, and are the
+    /// same as far as this motion has [committed](Self::committed_s) itself.
+    ///
+    /// # Errors
+    /// [`OnPathError::JointCount`] if the curve has another number of joints.
+    pub fn go_over(&mut self, curve: &impl TimedCurve, phase_s: f64) -> Result<(), OnPathError> {
+        let (joints, limits) = (curve.joint_count(), self.limits.len());
+        if joints != limits {
+            return Err(OnPathError::JointCount { joints, limits });
+        }
+        self.duration_s = curve.duration_s();
+        self.hint = 0;
+        self.rate.phase_s = phase_s.clamp(0.0, self.duration_s);
+        self.has_begun = true;
+        Ok(())
+    }
+
+    /// Where it is on its path, as time of the curve \[s\].
+    #[must_use]
+    pub const fn phase_s(&self) -> f64 {
+        self.rate.phase_s
+    }
+
+    /// How fast the phase runs, 0 to 1.
+    #[must_use]
+    pub const fn rate(&self) -> f64 {
+        self.rate.rate
+    }
+
+    /// Up to which phase \[s\] the curve was relied on: where the rate could be constant again. It
+    /// is the present one unless the rate changes.
+    #[must_use]
+    pub fn committed_s(&self) -> f64 {
+        if self.rate.slope == 0.0 {
+            return self.rate.phase_s;
+        }
+        let settle_s = self.rate.slope.abs() / self.way_back;
+        self.rate.piece(-self.way_back.copysign(self.rate.slope), settle_s).end.phase_s
+    }
+
     /// Runs at `ratio` times the speed that the curve was made for, from 0 to 1, as soon as the
     /// limits allow; before the first tick at once, for the joints are at rest.
     ///

@@ -40,6 +40,10 @@ impl Tolerances {
         Ok(Self { joints: columns.len(), position, velocity })
     }
 
+    pub(super) const fn has_velocity(&self) -> bool {
+        !self.velocity.is_empty()
+    }
+
     pub(super) fn at(&self, waypoint: usize) -> Tolerance<'_> {
         Tolerance {
             position: row(&self.position, self.joints, waypoint),
