@@ -36,7 +36,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     state.watch_standstill(&tick);
     tick.output.driver_request = state
         .controller_request(&tick)
-        .or_else(|| state.own_motion_request(tick.now))
+        .or_else(|| state.own_motion_request(&tick))
         .or_else(|| state.value_request(tick.now))
         .or_else(|| state.load_request(&tick));
     state.climb(&mut tick);

@@ -13,8 +13,8 @@ use armada_protocol::messages::{
 };
 use uuid::Uuid;
 
-use super::leases::Leases;
 use super::connected::Connected;
+use super::leases::Leases;
 use super::motion_log::MotionLog;
 use super::words::Vocabulary;
 use crate::control::{DroppedSamples, Granted, Refusal, Snapshot, StreamReport};

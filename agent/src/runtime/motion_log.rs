@@ -94,6 +94,11 @@ impl MotionLog {
         self.open().map(|motion| motion.id).filter(|id| Some(*id) != current).collect()
     }
 
+    /// The motion that was accepted last, of those that are not over.
+    pub(super) fn newest(&self) -> Option<&MotionStatus> {
+        self.open().last()
+    }
+
     /// All motions that are not over, oldest first.
     fn open(&self) -> impl Iterator<Item = &MotionStatus> {
         self.all().filter(|motion| !motion.status.is_terminal())

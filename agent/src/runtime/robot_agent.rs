@@ -310,7 +310,6 @@ impl Shared {
             chain_names: robot.chain_names(),
             waits: Semaphore::new(MAX_WAITS),
             boot_id: self.boot_id,
-            waits: Semaphore::new(MAX_WAITS),
         }
     }
 }

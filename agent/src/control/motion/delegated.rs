@@ -19,8 +19,6 @@
 use armada_model::{JointVector, MonoTime};
 use armada_protocol::messages::{CommandMode, MotionKind, Queue};
 
-use uuid::Uuid;
-
 use super::{End, Motion, Source};
 use crate::control::io::{DelegateOrder, Refusal};
 use crate::control::state::{LoopState, Tick};
@@ -35,7 +33,7 @@ pub(in crate::control) struct DelegatedMotion {
     order: DelegatedMove,
     began: MonoTime,
     /// Whether it is to be at rest on its path.
-    wants_pause: bool,
+    pub(super) wants_pause: bool,
     newest: Option<DelegatedReport>,
 }
 
@@ -113,25 +111,8 @@ impl LoopState {
             newest: None,
         };
         self.motion = Some(Motion::new(order.id, Source::Delegated(delegated)));
-        self.break_off();
+        self.break_off(tick);
         Ok(())
-    }
-
-    /// Brings a move of the controller's own to rest on its path, or lets it go on.
-    pub(in crate::control) fn pause_delegated(
-        &mut self,
-        tick: &Tick<'_>,
-        id: Uuid,
-        pause: bool,
-    ) -> Result<(), Refusal> {
-        let motion = self.motion.as_mut().filter(|motion| motion.id == id);
-        match &mut motion.ok_or(Refusal::NoSuchMotion)?.source {
-            Source::Delegated(delegated) if tick.params.abilities.pause => {
-                delegated.wants_pause = pause;
-                Ok(())
-            }
-            _ => Err(Refusal::NotPausable),
-        }
     }
 
     /// Follows a move of the controller's own by its reports.

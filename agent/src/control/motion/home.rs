@@ -17,9 +17,9 @@ use armada_protocol::messages::{FaultCode, HomeMethod};
 use super::delegated::is_over;
 use super::{Drive, End, JogMotion, Motion, Next, Source};
 use crate::control::controller::REPEAT;
+use crate::control::faults::fault;
 use crate::control::io::{HomeOrder, Params, Refusal};
 use crate::control::state::{LoopState, Tick};
-use crate::control::faults::fault;
 use crate::drivers::{DriverRequest, Feedback, JointSet};
 
 /// Homing in progress.
@@ -72,6 +72,8 @@ pub(in crate::control) struct OwnMotion {
     pub(super) number: u32,
     /// Whether what is to stop is such a move, after which the robot has to be seen to stand.
     pub(super) is_move: bool,
+    /// Speed ratio that the controller was told last; it begins with 1.
+    told_ratio: Option<f64>,
 }
 
 /// The controller is to come to rest.
@@ -275,8 +277,7 @@ impl LoopState {
             return;
         };
         // A report of before the request arrived says nothing.
-        let shown =
-            |f: &Feedback| f.stamp >= first + REPEAT && f.homing.is_empty() && is_over(f);
+        let shown = |f: &Feedback| f.stamp >= first + REPEAT && f.homing.is_empty() && is_over(f);
         let stands = !self.own_motion.is_move || self.standstill.is_shown(tick.params);
         if stands && self.condition.feedback().is_some_and(shown) {
             let number = self.own_motion.number;
@@ -321,8 +322,9 @@ impl LoopState {
     /// the same tick.
     pub(in crate::control) fn own_motion_request(
         &mut self,
-        now: MonoTime,
+        tick: &Tick<'_>,
     ) -> Option<DriverRequest> {
+        let now = tick.now;
         let due =
             |last: Option<MonoTime>| last.is_none_or(|last| now.saturating_since(last) >= REPEAT);
         self.condition.feedback()?;
@@ -333,6 +335,18 @@ impl LoopState {
             stopping.first.get_or_insert(now);
             stopping.last = Some(now);
             return Some(DriverRequest::StopMotion);
+        }
+        let is_own = matches!(
+            self.motion,
+            Some(Motion { source: Source::Delegated(_), cancelling: false, .. })
+        );
+        let ratio = self.speed_ratio;
+        if is_own
+            && tick.params.abilities.pause
+            && self.own_motion.told_ratio.unwrap_or(1.0) != ratio
+        {
+            self.own_motion.told_ratio = Some(ratio);
+            return Some(DriverRequest::SetSpeedRatio(ratio));
         }
         let wanted = self.motion.as_ref().and_then(Motion::wants_of_controller);
         let Some(request) = wanted else {
@@ -353,7 +367,9 @@ impl Motion {
         match &self.source {
             Source::Home(home) => home.is_controllers(),
             Source::Delegated(_) => true,
-            Source::Jog(_) | Source::DeadMan(_) | Source::Trajectory(_) => false,
+            Source::Jog(_) | Source::DeadMan(_) | Source::Trajectory(_) | Source::Braked(..) => {
+                false
+            }
         }
     }
 

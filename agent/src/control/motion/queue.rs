@@ -272,6 +272,14 @@ impl LoopState {
                     return Ok(());
                 }
             }
+            Source::Delegated(delegated) if tick.params.abilities.pause => {
+                if delegated.wants_pause == paused {
+                    return Ok(());
+                }
+                // Said to be paused when the controller reports it.
+                delegated.wants_pause = paused;
+                return Ok(());
+            }
             _ => return Err(Refusal::NotPausable),
         }
         let status = match (paused, motion.started) {

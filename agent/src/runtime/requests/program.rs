@@ -263,7 +263,7 @@ impl Requests {
     fn start_of_move(&self, queue: Queue) -> Result<JointVector, Denial> {
         let board = self.board.lock();
         let snapshot = &board.snapshot;
-        let last = board.motions.current().map(|motion| motion.id);
+        let last = board.motions.newest().map(|motion| motion.id);
         let tail = last.filter(|_| queue == Queue::Append);
         let tail = tail.and_then(|id| board.connected.end_of(id));
         let held = snapshot.joint_position_command;
