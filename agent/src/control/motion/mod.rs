@@ -61,7 +61,6 @@ pub(super) struct Motion {
 
 /// What makes the set-points of a motion.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 pub(super) enum Source {
     /// A move to a position.
     Jog(JogMotion),
