@@ -115,7 +115,7 @@ async fn a_jog_at_a_speed_goes_on_as_long_as_it_is_repeated_and_no_longer() {
     let last = JogJointParams { wait: true, ..at_speed(id, 0.2, 0.1) };
     let end = client.call_within::<JogJoint>(robot, last, DEADLINE).await.expect("an answer");
     assert_eq!(end.status, Some(ActionStatus::Complete));
-    let motion = client.motion(robot, id).await.expect("on record");
+    let motion = bench.motion_end(id).await;
     assert_eq!((motion.kind, motion.status), (MotionKind::JogJoint, ActionStatus::Complete));
     assert!(commanded(&bench).await > 0.0);
     let late = denial(client.call::<JogJoint>(robot, at_speed(id, 0.5, 0.1)).await);

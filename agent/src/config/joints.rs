@@ -206,7 +206,8 @@ impl InUnit {
     fn home(&self, limits: &JointLimits) -> Result<Option<f64>, Problem> {
         let (field, home) = self.home;
         if let Some(value) = home.filter(|&value| !limits.contains(value)) {
-            let bound = |limit: Option<f64>| limit.map_or("none".to_owned(), |l| l.to_string());
+            let bound =
+                |limit: Option<f64>| limit.map_or_else(|| "none".to_owned(), |l| l.to_string());
             let (lower, upper) = (bound(limits.lower), bound(limits.upper));
             let text = format!("{value} is outside the joint's limits, {lower} to {upper}");
             return Err(Problem::new(field, text));
