@@ -293,15 +293,27 @@ impl Rig {
 
     /// Hands in an order for the next tick; returns its ticket.
     pub(super) fn order(&mut self, order: Order) -> u64 {
+        self.order_under(None, order)
+    }
+
+    /// As [`Self::order`], under a lease.
+    pub(super) fn order_under(&mut self, lease: Option<Uuid>, order: Order) -> u64 {
         self.tickets += 1;
         self.watch.open.insert(self.tickets);
-        self.requests.push(LoopRequest::new(self.tickets, order));
+        self.requests.push(LoopRequest { lease, ..LoopRequest::new(self.tickets, order) });
         self.tickets
     }
 
     /// Orders and runs one tick; the answer must come in it.
     pub(super) fn ask(&mut self, order: Order) -> Result<Granted, Refusal> {
         let ticket = self.order(order);
+        self.tick();
+        self.answer(ticket).expect("an answer in the same tick")
+    }
+
+    /// As [`Self::ask`], under a lease.
+    pub(super) fn ask_under(&mut self, lease: Uuid, order: Order) -> Result<Granted, Refusal> {
+        let ticket = self.order_under(Some(lease), order);
         self.tick();
         self.answer(ticket).expect("an answer in the same tick")
     }
