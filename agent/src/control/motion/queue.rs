@@ -328,7 +328,7 @@ impl LoopState {
         if let Some((leave_s, entry)) = found {
             let next = self.queue.remove(0);
             let exit = Exit { leave_s, next, entry };
-            if let Err(exit) = now.attach(exit, &speed, &self.limits, period_s) {
+            if let Some(exit) = now.attach(exit, &speed, &self.limits, period_s) {
                 // There is room: it was taken out just now.
                 self.queue.insert(0, exit.next);
             }

@@ -68,6 +68,7 @@ pub(in crate::control) struct TrajectoryMotion {
 
 /// The way to the first waypoint.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 enum Opening {
     /// To be planned when the robot is at rest, at this share of the speed limits.
     Unplanned(f64),
@@ -313,18 +314,18 @@ impl TrajectoryMotion {
         speed: &Speed<'_>,
         limits: &MotionLimits,
         period_s: f64,
-    ) -> Result<(), Exit> {
+    ) -> Option<Exit> {
         let reduced = speed.reduced.map_or(1.0, |reduced| {
             exit.entry.reduced_rate(reduced).min(exit.next.leg().reduced_rate(reduced))
         });
         if self.committed_s(period_s) > exit.leave_s || self.path(limits, period_s).is_none() {
-            return Err(exit);
+            return Some(exit);
         }
         self.course.exit = Some(exit);
         self.cap = self.cap.min(reduced);
         self.refit();
         self.demand(limits, period_s);
-        Ok(())
+        None
     }
 
     /// Takes the next motion off again, if it is not too late for that.

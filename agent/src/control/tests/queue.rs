@@ -55,7 +55,8 @@ fn appended_trajectories_run_in_order_each_to_its_exact_end() {
 fn what_does_not_begin_at_the_end_of_the_last_is_refused_with_joint_and_distance() {
     let mut rig = Rig::in_mode(Trajectory);
     rig.follow(1, &line(A, B)).expect("granted");
-    let here = rig.ask(queued(2, &line(A, C), Append));
+    let elsewhere = trajectory(&[(0.0, A), (2.0, C)]);
+    let here = rig.ask(queued(2, &elsewhere, Append));
     let expected = Refusal::StartTolerance { joint: 0, value: 0.4, limit: 0.05 };
     assert_eq!(here, Err(expected));
     assert_eq!(rig.retired.len(), 1);
