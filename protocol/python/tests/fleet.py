@@ -36,7 +36,12 @@ def golden(stem: str) -> Json:
 def robot_info(name: str, joints: list[str], limits: JointLimits) -> RobotInfo:
     """The golden robot with other joints."""
     rows = [
-        {"name": joint, "type": "revolute", "limits": json.loads(codec.encode(limits))}
+        {
+            "name": joint,
+            "type": "revolute",
+            "limits": json.loads(codec.encode(limits)),
+            "reduced": {"velocity": 0.25, "acceleration": 0.5},
+        }
         for joint in joints
     ]
     return codec.decode(

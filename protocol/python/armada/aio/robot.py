@@ -30,6 +30,7 @@ from armada.messages import (
     ModeAnswer,
     MotionStatus,
     Prepared,
+    PrepareParams,
     ResetAnswer,
     ResetParams,
     RobotInfo,
@@ -224,7 +225,7 @@ class Robot:
         self, trajectory: JointTrajectory, *, motion_id: UUID | None = None
     ) -> Prepared:
         """Has a trajectory validated and kept for `commit`."""
-        params = ExecuteTrajectoryParams(motion_id=motion_id or new_id(), trajectory=trajectory)
+        params = PrepareParams(motion_id=motion_id or new_id(), trajectory=trajectory)
         return await self.call(methods.PREPARE, params)
 
     async def commit(self, motion_id: UUID, boot_id: UUID, start_ns: int) -> Motion[MotionStatus]:
