@@ -9,6 +9,7 @@ use std::time::{Duration, SystemTime};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tokio::time::Instant;
+use uuid::Uuid;
 use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
@@ -64,6 +65,8 @@ impl Default for ClientOptions {
 pub struct Client {
     session: Session,
     name: String,
+    /// The lease under which requests are asked.
+    lease: Option<Uuid>,
     /// How many endpoints were dialled.
     endpoints: usize,
 }
@@ -96,7 +99,8 @@ impl Client {
         })
         .await
         .map_err(|error| nobody_there(error, &options.connect))?;
-        let client = Self { session, name: options.name, endpoints: options.connect.len() };
+        let endpoints = options.connect.len();
+        let client = Self { session, name: options.name, lease: None, endpoints };
         let deadline = now() + CONNECT_TIMEOUT;
         while client.links().await == 0 {
             if now() >= deadline {
@@ -110,7 +114,14 @@ impl Client {
     /// The asking end of a session that is open already; `name` is given with every request.
     #[must_use]
     pub fn on_session(session: Session, name: impl Into<String>) -> Self {
-        Self { session, name: name.into(), endpoints: 0 }
+        Self { session, name: name.into(), lease: None, endpoints: 0 }
+    }
+
+    /// The same connection, asking under a lease.
+    #[must_use]
+    pub fn under(mut self, lease: Option<Uuid>) -> Self {
+        self.lease = lease;
+        self
     }
 
     /// The Zenoh session beneath.
@@ -174,8 +185,12 @@ impl Client {
             Some(robot) => keys::ROBOT_RPC.with(&[robot.as_str(), method]),
             None => keys::CELL_RPC.with(&[method]),
         };
-        let payload = WireEncoding::Json.encode(&Request::new(self.name.clone(), params))?;
+        let payload = WireEncoding::Json.encode(&self.request(params))?;
         self.ask(&key, Some(payload), timeout).await
+    }
+
+    fn request<P>(&self, params: P) -> Request<P> {
+        Request::new(self.name.clone(), params).under(self.lease)
     }
 
     async fn call_key<M: Method>(
@@ -183,8 +198,7 @@ impl Client {
         key: &str,
         params: M::Params,
     ) -> Result<M::Answer, ClientError> {
-        let request = Request::new(self.name.clone(), params);
-        let payload = WireEncoding::Json.encode(&request)?;
+        let payload = WireEncoding::Json.encode(&self.request(params))?;
         self.ask(key, Some(payload), M::TIMEOUT).await
     }
 
@@ -265,11 +279,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Self::call`].
-    pub async fn motion(
-        &self,
-        robot: &RobotName,
-        id: uuid::Uuid,
-    ) -> Result<MotionStatus, ClientError> {
+    pub async fn motion(&self, robot: &RobotName, id: Uuid) -> Result<MotionStatus, ClientError> {
         self.value(&keys::ROBOT_MOTION.with(&[robot.as_str(), &id.to_string()])).await
     }
 
@@ -277,7 +287,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Self::call`].
-    pub async fn cell_motion(&self, id: uuid::Uuid) -> Result<CellMotionStatus, ClientError> {
+    pub async fn cell_motion(&self, id: Uuid) -> Result<CellMotionStatus, ClientError> {
         self.value(&keys::CELL_MOTION.with(&[&id.to_string()])).await
     }
 
