@@ -51,14 +51,14 @@ pub(crate) struct JogArgs {
     #[command(flatten)]
     speed: SpeedArgs,
     /// Speeds of --joint that turn are in degrees per second
-    #[arg(long, requires = "joint")]
+    #[arg(long, conflicts_with = "tool")]
     degrees: bool,
     /// Whose axes --tool is in
-    #[arg(long, value_name = "FRAME", requires = "tool",
+    #[arg(long, value_name = "FRAME", conflicts_with = "joint",
         value_parser = one_of::<JogFrame>(&["base", "tool", "world"]))]
     frame: Option<JogFrame>,
     /// Chain whose tool moves; not needed if the robot has one only
-    #[arg(long, value_name = "CHAIN", requires = "tool")]
+    #[arg(long, value_name = "CHAIN", conflicts_with = "joint")]
     chain: Option<String>,
     /// How long to move, at most 60
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_duration)]
@@ -240,7 +240,15 @@ impl Jog<'_> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+
+    #[derive(Parser)]
+    struct Typed {
+        #[command(flatten)]
+        _args: JogArgs,
+    }
 
     #[test]
     fn a_speed_of_a_tool_is_along_or_about_axes() {
@@ -260,6 +268,16 @@ mod tests {
         ] {
             let error = text.parse::<ToolSpeed>().expect_err(text);
             assert!(error.contains(reason), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn what_is_for_tools_is_refused_with_joints_and_the_other_way_round() {
+        for text in ["--joint a=1 --frame tool", "--joint a=1 --chain arm", "--tool x=1 --degrees"]
+        {
+            let words = ["jog", "left_arm", "--for", "1"].into_iter().chain(text.split(' '));
+            let error = Typed::try_parse_from(words).map(|_| ()).expect_err(text).to_string();
+            assert!(error.contains("cannot be used with"), "{text}: {error}");
         }
     }
 

@@ -51,7 +51,7 @@ pub(crate) struct MoveArgs {
     #[command(flatten)]
     goal: GoalArgs,
     /// Angles of --joints are in degrees; joints that slide stay in m
-    #[arg(long, requires = "joints")]
+    #[arg(long, conflicts_with_all = ["pose", "linear", "home"])]
     degrees: bool,
     /// Fraction of the joints' speed limits, above 0 and at most 1
     #[arg(long, value_name = "FRACTION", default_value = "0.3", value_parser = parse_fraction)]

@@ -1,6 +1,5 @@
 //! `armada payload`: what a tool holds.
 
-use anyhow::Context as _;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{AttachPayloadParams, DetachParams, Inertia, PayloadInfo};
 use armada_protocol::method::robot::{AttachPayload, DetachPayload};
@@ -108,7 +107,7 @@ impl AttachPayloadArgs {
                 name: self.payload.clone(),
                 uuid: None,
                 inertia: Inertia {
-                    mass_kg: mass.with_context(|| UsageError("give its --mass".to_owned()))?,
+                    mass_kg: mass.ok_or_else(|| UsageError("give its --mass".to_owned()))?,
                     com_m: self.com.unwrap_or_default(),
                     ..Inertia::default()
                 },
