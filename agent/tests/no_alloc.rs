@@ -17,7 +17,7 @@ use armada_agent::control::{
     JogOrder, LoopAbilities, LoopRequest, LoopState, MAX_CHAINS, Order, Output, Params,
     StreamSample, StreamValues, TwistTarget, step,
 };
-use armada_agent::drivers::{DriverRequest, Feedback, JointSet};
+use armada_agent::drivers::{DriverRequest, Feedback, JointSet, LoadSetting};
 use armada_model::{
     Chain, CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MAX_JOINTS, MonoTime,
     MotionLimits, Pose, RobotModel, TrajectoryOptions, Twist, Waypoint,
@@ -101,6 +101,7 @@ fn equipment() -> Equipment {
         tcp: Pose::from_translation(0.0, 0.0, 0.1),
         base_in_world: Pose::default(),
         joints: (0..JOINTS).collect(),
+        load: LoadSetting::default(),
     };
     Equipment { config_seqno: 1, chains: vec![chain] }
 }

@@ -284,10 +284,10 @@ mod tests {
         let mut state = LoopState::new(&params).expect("valid parameters");
         let mut input = Input::at(monotonic());
         let first = step(&params, &mut state, &mut input).snapshot;
-        let (loop_end, mut publisher, mut requests) = mailbox(first);
+        let (loop_end, mut publisher, mut clients) = mailbox(first);
         // The first tick takes eight, the second eight, and the third panics with the rest.
         for ticket in 1..=20 {
-            requests.push(LoopRequest::new(ticket, Order::Halt)).expect("room");
+            clients.requests.push(LoopRequest::new(ticket, Order::Halt)).expect("room");
         }
         let (meter, shutdown) = (Arc::<Meter>::default(), Arc::<AtomicBool>::default());
         let running = LoopThread {

@@ -10,6 +10,7 @@ use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError, ClientOptions};
 use armada_protocol::session::DEFAULT_GATEWAY_ENDPOINT;
 use clap::{Args, ValueHint};
+use uuid::Uuid;
 
 use crate::exit::UsageError;
 use crate::output::{Output, note};
@@ -35,6 +36,9 @@ pub(crate) struct CellArgs {
     /// Longest time to wait; each command's own if left out
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) timeout: Option<Duration>,
+    /// Ask under this lease, as `armada lease hold` prints it
+    #[arg(long, value_name = "UUID")]
+    pub(crate) lease: Option<Uuid>,
 }
 
 /// A cell's endpoints.
@@ -132,7 +136,7 @@ impl CellArgs {
             other => other,
         };
         let client = client.with_context(|| format!("from {}", address.source));
-        Ok((client?, address))
+        Ok((client?.under(self.lease), address))
     }
 }
 

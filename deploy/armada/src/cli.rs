@@ -5,8 +5,8 @@ use tracing::Level;
 
 use crate::bench;
 use crate::commands::{
-    call, completions, events, info, jog, model, modes, process, reset, run, status, stop, up,
-    watch,
+    call, completions, control, events, home, info, jog, kinematics, lease, model, modes, moves,
+    payload, process, reset, run, status, stop, tool, up, values, watch,
 };
 use crate::exit;
 use crate::logging::LogFormat;
@@ -22,6 +22,7 @@ const EXAMPLES: &str = "Examples:
   armada status                                 how is every robot, what to do next
   armada watch left_arm                         one robot, live
   armada move left_arm --joints elbow=1.2       move one joint, the others stay
+  armada jog left_arm --tool x=0.02 --for 2     move the tool by hand
   armada run config/motions/handover.json       a motion of several robots
   armada stop                                   stop all robots, gateway alive or not
   armada status --connect tcp/10.0.0.5:7447     a cell on another machine
@@ -71,10 +72,22 @@ pub(crate) enum Command {
     Info(info::InfoArgs),
     /// Follow what happens: faults, mode changes, motions, stops
     Events(events::EventsArgs),
-    /// Move a robot's joints to a position, and wait for the end
-    Move(jog::MoveArgs),
+    /// Move a robot's joints to a position or its tool to a pose, and wait for the end
+    Move(moves::MoveArgs),
+    /// Move joints or a tool at a speed, for a time
+    Jog(jog::JogArgs),
+    /// Find the references of a robot's joints
+    Home(home::HomeArgs),
     /// Follow a trajectory from a file, with one robot or several
     Run(run::RunArgs),
+    /// Bring a motion to rest on its path until it is resumed
+    Pause(control::MotionArgs),
+    /// Go on with a paused motion
+    Resume(control::MotionArgs),
+    /// End a motion with a ramp, or take it out of the queue
+    Cancel(control::MotionArgs),
+    /// Change the speed of all motions of a robot
+    Speed(control::SpeedArgs),
     /// Ramp robots to standstill; they stay ready for the next command
     Halt(modes::RobotsArgs),
     /// Stop robots and keep them stopped until a reset, gateway alive or not
@@ -90,6 +103,22 @@ pub(crate) enum Command {
     Disable(modes::RobotsArgs),
     /// Clear the latched faults of a robot whose cause is gone
     ResetErrors(modes::RobotArgs),
+    /// Keep the right to command a robot, or show who has it
+    Lease(lease::LeaseArgs),
+    /// Attach, detach and list tools
+    Tool(tool::ToolArgs),
+    /// Attach and detach payloads
+    Payload(payload::PayloadArgs),
+    /// Read and set signals of a controller
+    Signal(values::SignalArgs),
+    /// Read and set parameters of a controller
+    Param(values::ParamArgs),
+    /// Show where a robot's tool is, with the tool that it carries
+    Tcp(kinematics::TcpArgs),
+    /// Find joint positions of a running robot for a pose of its tool
+    Ik(kinematics::IkArgs),
+    /// Write the last seconds of a robot's control loop to a file
+    Record(control::RecordArgs),
     /// Call a method by its name with JSON parameters, for scripts and debugging
     Call(call::CallArgs),
     /// Answer questions about a robot description: check it, show it, where its links are

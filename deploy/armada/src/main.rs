@@ -11,6 +11,7 @@
 
 mod bench;
 mod cell_address;
+mod choice;
 mod cli;
 mod clock;
 mod commands;
@@ -19,9 +20,11 @@ mod joint_goal;
 mod logging;
 mod motion;
 mod output;
+mod pose_arg;
 mod run_file;
 mod signals;
 mod standstill;
+mod started;
 mod table;
 mod words;
 

@@ -198,6 +198,9 @@ pub(crate) fn progress_line(title: &str, view: &MotionView) -> String {
         view.elapsed_s,
         view.duration_s
     );
+    if matches!(view.status, ActionStatus::Paused | ActionStatus::Queued) {
+        line.push_str(&format!("  {}", words::action(view.status)));
+    }
     for (robot, part) in &view.parts {
         let text = match part.status {
             ActionStatus::Running => format!("  {robot} {:.1} s", part.elapsed_s),
@@ -379,6 +382,14 @@ mod tests {
     fn progress_tells_share_and_times() {
         let line = progress_line("left_arm", &view(ActionStatus::Running));
         assert_eq!(line, "left_arm ██████░░░░░░░░░░░░░░░░░░  25 % 1.0/4.0 s");
+    }
+
+    #[test]
+    fn a_motion_that_is_paused_or_waits_is_told_as_such() {
+        let ends_with =
+            |status, words: &str| progress_line("left_arm", &view(status)).ends_with(words);
+        assert!(ends_with(ActionStatus::Paused, "1.0/4.0 s  paused"));
+        assert!(ends_with(ActionStatus::Queued, "1.0/4.0 s  waiting for its start"));
     }
 
     #[test]

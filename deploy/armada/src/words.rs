@@ -1,9 +1,11 @@
 //! Values in words and units for people.
 
-use armada_model::{JointType, Pose};
+use armada_model::{JointType, Pose, Twist};
+use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    ActionStatus, CellVerdict, CommandMode, ControllerState, Denial, Lease, LoopStatistics,
-    OperationalMode, Presence, SchedulingPolicy, StopLatch, StopStage,
+    ActionStatus, CellVerdict, ClearBy, CommandMode, ControllerState, Denial, Fault, Lease,
+    LoopStatistics, MotionProgress, OperationalMode, Presence, SchedulingPolicy, StopLatch,
+    StopStage, StreamStatistics,
 };
 use serde::Serialize;
 
@@ -105,8 +107,59 @@ pub(crate) fn stop(latch: Option<&StopLatch>) -> String {
 pub(crate) fn lease(lease: Option<&Lease>) -> String {
     lease.map_or_else(
         || "-".to_owned(),
-        |lease| format!("{} {:.1} s", lease.holder, lease.remaining_ms as f64 / 1e3),
+        |lease| {
+            if lease.stale {
+                format!("{} (has run out)", lease.holder)
+            } else {
+                format!("{} {:.1} s", lease.holder, lease.remaining_ms as f64 / 1e3)
+            }
+        },
     )
+}
+
+/// How fast a frame moves: `0.120 m/s 0.50 rad/s`; nothing if it is not known.
+pub(crate) fn speed(twist: Option<&Twist>) -> String {
+    twist.map_or_else(String::new, |twist| {
+        let (linear, angular) = (twist.linear.norm(), twist.angular.norm());
+        format!("{} m/s {} rad/s", tidy(linear, 3), tidy(angular, 2))
+    })
+}
+
+/// What a stream of commands does: `stream: 500 taken, 2 dropped, newest 4 ms old`.
+pub(crate) fn stream(stream: &StreamStatistics) -> String {
+    let StreamStatistics { taken, dropped, age_ms, starved } = *stream;
+    let starved = if starved { ", STARVED: the robot comes to rest" } else { "" };
+    format!("stream: {taken} taken, {dropped} dropped, newest {age_ms:.0} ms old{starved}")
+}
+
+/// What a motion in progress does besides going on as planned; nothing if that is all.
+pub(crate) fn pace(motion: &MotionProgress, speed_ratio: f64) -> String {
+    let mut words = Vec::new();
+    if motion.paused {
+        words.push("paused".to_owned());
+    }
+    if speed_ratio < 1.0 {
+        words.push(format!("speed ratio {speed_ratio}"));
+    }
+    if (motion.rate - speed_ratio).abs() > 0.005 {
+        words.push(format!("rate {}", tidy(motion.rate, 2)));
+    }
+    if motion.queued > 0 {
+        words.push(format!("{} queued", motion.queued));
+    }
+    words.join(", ")
+}
+
+/// What clears a fault, and what a person is to do first: that of the agent, which knows best.
+pub(crate) fn remedy(robot: &RobotName, fault: &Fault) -> String {
+    let command = match fault.clear {
+        ClearBy::Halt => format!("`armada halt {robot}` clears it"),
+        ClearBy::ResetErrors => format!("`armada reset-errors {robot}` clears it"),
+        ClearBy::Controller => {
+            format!("at the controller, and then `armada reset-errors {robot}`")
+        }
+    };
+    if fault.remedy.is_empty() { command } else { format!("{}; {command}", fault.remedy) }
 }
 
 /// A position \[m\] and a rotation as roll, pitch and yaw \[°\].
@@ -196,6 +249,30 @@ mod tests {
             pose(&Pose::from_translation(0.5, -0.0001, 1.25)),
             "0.500 0.000 1.250 m  0.0 0.0 0.0°"
         );
+    }
+
+    #[test]
+    fn a_motion_as_planned_needs_no_words_and_any_other_has_them() {
+        let planned = MotionProgress {
+            id: uuid::Uuid::nil(),
+            elapsed_s: 1.0,
+            duration_s: 2.0,
+            waypoint: 0,
+            rate: 1.0,
+            paused: false,
+            queued: 0,
+        };
+        assert_eq!(pace(&planned, 1.0), "");
+        assert_eq!(pace(&MotionProgress { rate: 0.5, ..planned }, 0.5), "speed ratio 0.5");
+        let paused = MotionProgress { rate: 0.0, paused: true, queued: 2, ..planned };
+        assert_eq!(pace(&paused, 0.5), "paused, speed ratio 0.5, rate 0.00, 2 queued");
+    }
+
+    #[test]
+    fn a_starved_stream_is_told_as_such() {
+        let stream_of = |starved| StreamStatistics { taken: 9, dropped: 1, age_ms: 4.4, starved };
+        assert_eq!(stream(&stream_of(false)), "stream: 9 taken, 1 dropped, newest 4 ms old");
+        assert!(stream(&stream_of(true)).ends_with("STARVED: the robot comes to rest"));
     }
 
     #[test]

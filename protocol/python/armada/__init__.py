@@ -14,24 +14,46 @@ with armada.connect() as cell:
 from __future__ import annotations
 
 from . import aio, keys, messages, methods
-from .client import Cell, Motion, Robot, Subscription, connect
+from ._blocking.jog import Jogging
+from ._blocking.lease import HeldLease
+from ._blocking.motion import Motion
+from ._blocking.robot import Robot
+from ._blocking.stream import (
+    CommandStream,
+    PositionStream,
+    Stream,
+    TwistStream,
+    VelocityStream,
+)
+from ._blocking.subscription import Subscription
+from .client import Cell, connect
 from .errors import (
     ArmadaError,
     CodecError,
     DeniedError,
+    LeaseLost,
     MotionFailed,
     NoReply,
     NotConnected,
     RequestTimeout,
+    StreamEnded,
 )
 from .messages import (
     ActionStatus,
     CommandMode,
+    Denial,
     DenialCode,
+    HomeMethod,
+    JogFrame,
     JointTrajectory,
+    MoveExecutor,
+    MoveOptions,
+    Pose,
+    Queue,
     StopLevel,
     StopStage,
     StopVerdict,
+    Twist,
 )
 from .moves import for_cell
 
@@ -43,19 +65,36 @@ __all__ = [
     "Cell",
     "CodecError",
     "CommandMode",
+    "CommandStream",
+    "Denial",
     "DenialCode",
     "DeniedError",
+    "HeldLease",
+    "HomeMethod",
+    "JogFrame",
+    "Jogging",
     "JointTrajectory",
+    "LeaseLost",
     "Motion",
     "MotionFailed",
+    "MoveExecutor",
+    "MoveOptions",
     "NoReply",
     "NotConnected",
+    "Pose",
+    "PositionStream",
+    "Queue",
     "RequestTimeout",
     "Robot",
     "StopLevel",
     "StopStage",
     "StopVerdict",
+    "Stream",
+    "StreamEnded",
     "Subscription",
+    "Twist",
+    "TwistStream",
+    "VelocityStream",
     "aio",
     "connect",
     "for_cell",

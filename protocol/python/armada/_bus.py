@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
+from uuid import UUID
 
 import zenoh
 from zenoh.handlers import Callback
@@ -141,9 +142,9 @@ class Bus:
         for session in sessions:
             await self.waiting.blocking(session.close)
 
-    async def call(self, method: Method[P, A], key: str, params: P) -> A:
+    async def call(self, method: Method[P, A], key: str, params: P, lease: UUID | None = None) -> A:
         """Asks at a key under `rpc/`."""
-        request = Request(request_id=new_id(), client=self.name, params=params)
+        request = Request(request_id=new_id(), client=self.name, lease=lease, params=params)
         return await self.ask(method.answer, key, codec.encode(request), method.timeout_s)
 
     async def value(self, message_type: type[T], key: str) -> T:
@@ -177,6 +178,19 @@ class Bus:
         except TimeoutError:
             raise RequestTimeout(key, timeout_s) from None
         return None if reply is None else Answer.of_reply(reply)
+
+    def publisher(self, key: str, channel: Channel) -> zenoh.Publisher:
+        """A publisher of messages in JSON on the main session."""
+        try:
+            return self.main.declare_publisher(
+                key,
+                encoding=codec.WireEncoding.JSON.value,
+                congestion_control=channel.qos.congestion_control,
+                priority=channel.qos.priority,
+                express=channel.qos.express,
+            )
+        except zenoh.ZError as cause:
+            raise NotConnected(self.endpoints, str(cause)) from cause
 
     def get(
         self,

@@ -45,6 +45,16 @@ class Waiting(Protocol):
     async def blocking(self, work: Callable[[], T]) -> T:
         """Runs work that may take long."""
 
+    def background(self, work: Coroutine[Any, Any, None]) -> Background:
+        """Begins work that goes on beside whoever began it; it must end by itself."""
+
+
+class Background(Protocol):
+    """Work that goes on beside whoever began it."""
+
+    async def join(self) -> None:
+        """Waits for its end."""
+
 
 def run(coroutine: Coroutine[Any, Any, T]) -> T:
     """Runs a coroutine that waits by blocking."""
@@ -68,6 +78,22 @@ class ThreadWaiting:
 
     async def blocking(self, work: Callable[[], T]) -> T:
         return work()
+
+    def background(self, work: Coroutine[Any, Any, None]) -> Background:
+        thread = threading.Thread(target=run, args=(work,), daemon=True)
+        thread.start()
+        return ThreadBackground(thread)
+
+
+class ThreadBackground:
+    """Work on a thread of its own."""
+
+    def __init__(self, thread: threading.Thread) -> None:
+        self._thread = thread
+
+    async def join(self) -> None:
+        if self._thread is not threading.current_thread():
+            self._thread.join()
 
 
 class ThreadInbox(Generic[T]):
@@ -113,6 +139,20 @@ class LoopWaiting:
 
     async def blocking(self, work: Callable[[], T]) -> T:
         return await asyncio.to_thread(work)
+
+    def background(self, work: Coroutine[Any, Any, None]) -> Background:
+        return LoopBackground(self._loop.create_task(work))
+
+
+class LoopBackground:
+    """Work in a task of its own."""
+
+    def __init__(self, task: asyncio.Task[None]) -> None:
+        self._task = task
+
+    async def join(self) -> None:
+        if self._task is not asyncio.current_task():
+            await self._task
 
 
 class LoopInbox(Generic[T]):

@@ -91,6 +91,34 @@ class NotConnected(ArmadaError, ConnectionError):  # noqa: N818, says what is, a
         return f"not connected to {', '.join(self.endpoints)}: {self.cause}"
 
 
+class LeaseLost(ArmadaError):  # noqa: N818, named after the event
+    """The lease is not held any more: somebody else may command, and nothing was asked."""
+
+    def __init__(self, robot: str, reason: str) -> None:
+        super().__init__(robot, reason)
+        self.robot = robot
+        """Whose lease it was."""
+        self.reason = reason
+        """How it was lost."""
+
+    def __str__(self) -> str:
+        return f"the lease of {self.robot} is lost: {self.reason}"
+
+
+class StreamEnded(ArmadaError):  # noqa: N818, named after the event
+    """The robot follows the stream no more: it was halted, stopped, or its mode was changed."""
+
+    def __init__(self, key: str, reason: str) -> None:
+        super().__init__(key, reason)
+        self.key = key
+        """Key of the stream."""
+        self.reason = reason
+        """What the newest state says."""
+
+    def __str__(self) -> str:
+        return f"the stream {self.key} has ended: {self.reason}"
+
+
 class MotionFailed(ArmadaError):  # noqa: N818, named after the status
     """A motion that was waited for ended early."""
 

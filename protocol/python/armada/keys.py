@@ -77,6 +77,15 @@ ROBOT_STATE: Final = Key(
     "ROBOT_STATE", "robots/{robot}/state", ("published",), "agent", "RobotState", Channel.STATE
 )
 """Measured and commanded state, at the robot's state rate."""
+ROBOT_STATE_AT: Final = Key(
+    "ROBOT_STATE_AT",
+    "robots/{robot}/state/{rate_hz}",
+    ("published",),
+    "agent",
+    "RobotState",
+    Channel.STATE,
+)
+"""The state at a lower rate, for the rates of `RobotInfo.state_classes_hz`."""
 ROBOT_STATUS: Final = Key(
     "ROBOT_STATUS",
     "robots/{robot}/status",
@@ -108,6 +117,42 @@ ROBOT_MOTION: Final = Key(
     Channel.PROGRESS,
 )
 """Status of a motion: on change and at 10 Hz while running; queryable after its end."""
+ROBOT_STREAM_POSITION: Final = Key(
+    "ROBOT_STREAM_POSITION",
+    "robots/{robot}/stream/position",
+    ("subscribed",),
+    "agent",
+    "StreamCommand",
+    Channel.STREAM,
+)
+"""Streamed joint positions, in mode `position_command`."""
+ROBOT_STREAM_VELOCITY: Final = Key(
+    "ROBOT_STREAM_VELOCITY",
+    "robots/{robot}/stream/velocity",
+    ("subscribed",),
+    "agent",
+    "StreamCommand",
+    Channel.STREAM,
+)
+"""Streamed joint velocities, in mode `velocity_command`."""
+ROBOT_STREAM_TWIST: Final = Key(
+    "ROBOT_STREAM_TWIST",
+    "robots/{robot}/stream/twist",
+    ("subscribed",),
+    "agent",
+    "StreamTwist",
+    Channel.STREAM,
+)
+"""Streamed velocities of a tool, in mode `velocity_command`."""
+ROBOT_COMMAND: Final = Key(
+    "ROBOT_COMMAND",
+    "robots/{robot}/command",
+    ("subscribed",),
+    "agent",
+    "JointCommand",
+    Channel.STREAM,
+)
+"""Streamed commands to any joints by name, in mode `position_command` or `velocity_command`."""
 ROBOT_RPC: Final = Key(
     "ROBOT_RPC", "robots/{robot}/rpc/{method}", ("queryable",), "agent", "per method", Channel.RPC
 )
@@ -171,10 +216,15 @@ ALL: Final = (
     ROBOT_ALIVE,
     ROBOT_INFO,
     ROBOT_STATE,
+    ROBOT_STATE_AT,
     ROBOT_STATUS,
     ROBOT_JOINT_STATES,
     ROBOT_EVENTS,
     ROBOT_MOTION,
+    ROBOT_STREAM_POSITION,
+    ROBOT_STREAM_VELOCITY,
+    ROBOT_STREAM_TWIST,
+    ROBOT_COMMAND,
     ROBOT_RPC,
     ROBOT_STOP,
     ROBOT_STOP_ACK,

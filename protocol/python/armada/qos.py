@@ -27,6 +27,8 @@ class Channel(Enum):
     """Stops and their acknowledgements; nothing else has this priority."""
     RPC = "rpc"
     """Requests and answers."""
+    STREAM = "stream"
+    """Streamed commands: newest counts."""
     STATE = "state"
     """Latest values at a rate: state, joint states, frames."""
     REPORT = "report"
@@ -43,6 +45,7 @@ class Channel(Enum):
 _QOS = {
     Channel.STOP: Qos(zenoh.Priority.REAL_TIME, zenoh.CongestionControl.DROP, True),
     Channel.RPC: Qos(zenoh.Priority.INTERACTIVE_HIGH, zenoh.CongestionControl.BLOCK, True),
+    Channel.STREAM: Qos(zenoh.Priority.INTERACTIVE_HIGH, zenoh.CongestionControl.DROP, True),
     Channel.STATE: Qos(zenoh.Priority.INTERACTIVE_LOW, zenoh.CongestionControl.DROP, False),
     Channel.REPORT: Qos(zenoh.Priority.DATA_HIGH, zenoh.CongestionControl.DROP, False),
     Channel.PROGRESS: Qos(zenoh.Priority.DATA_LOW, zenoh.CongestionControl.DROP, False),

@@ -18,15 +18,29 @@ from armada.methods import Method
 from .fleet import DEADLINE_S, Agent, Gateway, Json, Refused
 
 
-@pytest.mark.parametrize("name", ["Cell", "Robot", "Motion", "Subscription"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "Cell",
+        "Robot",
+        "Motion",
+        "Subscription",
+        "HeldLease",
+        "Jogging",
+        "PositionStream",
+        "VelocityStream",
+        "TwistStream",
+        "CommandStream",
+    ],
+)
 def test_both_apis_have_the_same_names_arguments_and_docs(name: str) -> None:
     blocking, suspending = getattr(armada, name), getattr(aio, name)
 
     def public(api: Any) -> dict[str, tuple[list[str], str | None]]:
         return {
             method: (list(inspect.signature(value).parameters), value.__doc__)
-            for method, value in vars(api).items()
-            if inspect.isfunction(value) and not method.startswith("_")
+            for method, value in inspect.getmembers(api, inspect.isfunction)
+            if not method.startswith("_")
         }
 
     assert public(blocking) == public(suspending)

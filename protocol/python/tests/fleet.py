@@ -24,6 +24,9 @@ GOLDEN = Path(__file__).resolve().parents[2] / "golden"
 DEADLINE_S = 5.0
 """How long tests wait for what must happen."""
 
+LEASE = "0192f0c5-0000-7000-8000-000000000004"
+"""The lease that agents grant."""
+
 Json = dict[str, Any]
 
 
@@ -36,7 +39,12 @@ def golden(stem: str) -> Json:
 def robot_info(name: str, joints: list[str], limits: JointLimits) -> RobotInfo:
     """The golden robot with other joints."""
     rows = [
-        {"name": joint, "type": "revolute", "limits": json.loads(codec.encode(limits))}
+        {
+            "name": joint,
+            "type": "revolute",
+            "limits": json.loads(codec.encode(limits)),
+            "reduced": {"velocity": 0.25, "acceleration": 0.5},
+        }
         for joint in joints
     ]
     return codec.decode(
@@ -70,6 +78,7 @@ class Node:
         self.values: dict[str, Callable[[], Json]] = {}
         """Key to value."""
         self._held: list[zenoh.Query] = []
+        self._came = threading.Condition()
 
     def _endpoint(self, mode: str) -> str:
         for reply in self.session.get(f"@/{self.session.zid()}/{mode}"):
@@ -110,7 +119,9 @@ class Node:
         method = key.rpartition("/")[2]
         assert query.payload is not None
         envelope = json.loads(query.payload.to_string())
-        self.requests.append((method, envelope))
+        with self._came:
+            self.requests.append((method, envelope))
+            self._came.notify_all()
         if method in self.raw:
             self.raw[method](query)
             return
@@ -125,6 +136,11 @@ class Node:
     def publish(self, key: str, message: Json) -> None:
         """Sends a sample."""
         self.session.put(key, json.dumps(message), encoding="application/json")
+
+    def wait_for(self, method: str, times: int) -> bool:
+        """Waits until a method was asked for so often."""
+        with self._came:
+            return self._came.wait_for(lambda: len(self.of_method(method)) >= times, DEADLINE_S)
 
     def of_method(self, method: str) -> list[Json]:
         """The envelopes of the requests of a method."""
@@ -206,6 +222,8 @@ class Agent(Node):
         self.query_stages: list[str] = []
         """What it answers to queries one after the other; the first of `stages` if empty."""
         self.motions = Motions(self, f"{self.prefix}/motions", "motion_status")
+        self.taken: dict[str, list[Json]] = {}
+        """Samples of streams as they came, by the rest of their key."""
         self._done = threading.Event()
         self._publisher: threading.Thread | None = None
         self._serve()
@@ -232,11 +250,64 @@ class Agent(Node):
             "commit": lambda params: self.motions.accept(params["motion_id"]),
             "cancel": self._cancel,
             "abort": lambda _: {},
+            **self._newer_handlers(),
         }
         self.serve_rpc(f"{self.prefix}/rpc")
         self.session.declare_queryable(f"{self.prefix}/stop", self._stop_query, complete=True)
         self.session.declare_subscriber("cell/stop", self._stop_sample)
+        self.session.declare_subscriber(f"{self.prefix}/stream/*", self._take_sample)
+        self.session.declare_subscriber(f"{self.prefix}/command", self._take_sample)
         self._alive = self.session.liveliness().declare_token(f"{self.prefix}/alive")
+
+    def _newer_handlers(self) -> dict[str, Callable[[Json], Json]]:
+        def motion(params: Json) -> Json:
+            return self.motions.accept(params["motion_id"])
+
+        def answer(sample: str) -> Callable[[Json], Json]:
+            return lambda _: golden(f"answer_{sample}")
+
+        def set_status(status: str) -> Callable[[Json], Json]:
+            def change(params: Json) -> Json:
+                assert params["motion_id"] == self.motions.last
+                self.motions.set(status)
+                return {}
+
+            return change
+
+        moves = ("move_joint", "move_pose", "move_linear", "move_home", "home")
+        equipment = ("attach_tool", "detach_tool", "attach_payload", "detach_payload")
+        values = ("set_signal", "set_param")
+        return {
+            "acquire_lease": lambda params: (
+                golden("answer_lease") | {"lease": LEASE, "ttl_ms": params["ttl_ms"]}
+            ),
+            "renew_lease": answer("lease"),
+            "release_lease": answer("lease_released"),
+            **dict.fromkeys((*moves, "jog_joint", "jog_cartesian"), motion),
+            **dict.fromkeys(equipment, answer("equipment")),
+            **dict.fromkeys(values, lambda params: params),
+            "pause": set_status("paused"),
+            "resume": set_status("running"),
+            "set_speed_ratio": lambda params: {"speed_ratio": params["ratio"]},
+            "get_signal": answer("signal"),
+            "get_param": answer("param"),
+            "forward_kinematics": answer("forward_kinematics"),
+            "inverse_kinematics": answer("inverse_kinematics"),
+            "save_recording": answer("recording"),
+        }
+
+    def samples(self, stream: str, count: int) -> list[Json]:
+        """Samples of a stream in their order, as soon as there are so many."""
+        with self._came:
+            taken = self.taken.setdefault(stream, [])
+            assert self._came.wait_for(lambda: len(taken) >= count, DEADLINE_S), stream
+            return list(taken)
+
+    def _take_sample(self, sample: zenoh.Sample) -> None:
+        stream = str(sample.key_expr).removeprefix(f"{self.prefix}/")
+        with self._came:
+            self.taken.setdefault(stream, []).append(json.loads(sample.payload.to_string()))
+            self._came.notify_all()
 
     def enter(self, mode: str) -> Json:
         """Enters a mode as real agents do: only through halt."""

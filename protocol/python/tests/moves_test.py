@@ -14,6 +14,7 @@ from armada.messages import (
     JointType,
     JointUnit,
     JointVector,
+    ReducedLimits,
     RobotInfo,
     Waypoint,
 )
@@ -145,5 +146,10 @@ def test_trajectories_of_unlike_interpolation_are_not_put_together() -> None:
 
 
 def test_the_joint_type_does_not_change_the_rule() -> None:
-    sliding = JointInfo(name="lift", joint_type=JointType.PRISMATIC, limits=limits(0.1, 1.0))
+    sliding = JointInfo(
+        name="lift",
+        joint_type=JointType.PRISMATIC,
+        limits=limits(0.1, 1.0),
+        reduced=ReducedLimits(velocity=0.1, acceleration=0.1),
+    )
     assert joint_duration(0.2, sliding.limits, 1.0) == pytest.approx(3.0)

@@ -69,6 +69,8 @@ impl Default for ClientOptions {
 pub struct Client {
     session: Session,
     name: String,
+    /// The lease under which requests are asked.
+    lease: Option<Uuid>,
     /// How many endpoints were dialled.
     endpoints: usize,
     /// The lease that requests are made under.
@@ -103,8 +105,8 @@ impl Client {
         })
         .await
         .map_err(|error| nobody_there(error, &options.connect))?;
-        let client =
-            Self { session, name: options.name, endpoints: options.connect.len(), lease: None };
+        let endpoints = options.connect.len();
+        let client = Self { session, name: options.name, lease: None, endpoints };
         let deadline = now() + CONNECT_TIMEOUT;
         while client.links().await == 0 {
             if now() >= deadline {
@@ -118,13 +120,13 @@ impl Client {
     /// The asking end of a session that is open already; `name` is given with every request.
     #[must_use]
     pub fn on_session(session: Session, name: impl Into<String>) -> Self {
-        Self { session, name: name.into(), endpoints: 0, lease: None }
+        Self { session, name: name.into(), lease: None, endpoints: 0 }
     }
 
-    /// The same client, making its requests under a lease.
+    /// The same connection, asking under a lease, or under none.
     #[must_use]
-    pub fn under(&self, lease: Uuid) -> Self {
-        Self { lease: Some(lease), ..self.clone() }
+    pub fn under(&self, lease: impl Into<Option<Uuid>>) -> Self {
+        Self { lease: lease.into(), ..self.clone() }
     }
 
     /// The Zenoh session beneath.
@@ -203,9 +205,12 @@ impl Client {
             Some(robot) => keys::ROBOT_RPC.with(&[robot.as_str(), method]),
             None => keys::CELL_RPC.with(&[method]),
         };
-        let payload = WireEncoding::Json
-            .encode(&Request::new(self.name.clone(), params).under(self.lease))?;
+        let payload = WireEncoding::Json.encode(&self.request(params))?;
         self.ask(&key, Some(payload), timeout).await
+    }
+
+    fn request<P>(&self, params: P) -> Request<P> {
+        Request::new(self.name.clone(), params).under(self.lease)
     }
 
     async fn call_key<M: Method>(
@@ -214,8 +219,7 @@ impl Client {
         params: M::Params,
         timeout: Duration,
     ) -> Result<M::Answer, ClientError> {
-        let request = Request::new(self.name.clone(), params).under(self.lease);
-        let payload = WireEncoding::Json.encode(&request)?;
+        let payload = WireEncoding::Json.encode(&self.request(params))?;
         self.ask(key, Some(payload), timeout).await
     }
 

@@ -60,7 +60,7 @@ pub enum AccessLevel {
     All,
 }
 
-/// SignalValue of a signal or parameter.
+/// Value of a signal or parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SignalValue {
@@ -98,7 +98,7 @@ pub struct ParameterInfo {
     /// The values there are, in the order of their numbers; empty if any text or number is one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<String>,
-    /// SignalValue after the controller's start.
+    /// Value after the controller's start.
     pub default: SignalValue,
     /// For people.
     #[serde(default, skip_serializing_if = "String::is_empty")]

@@ -115,7 +115,7 @@ fn what_commands_needs_the_lease_and_what_ends_motion_does_not() {
             groups: [JointSet::NONE; armada_model::MAX_JOINTS],
             method: HomeMethod::default(),
         }),
-        Order::JogJoint(JogJointOrder { id, joint_velocity, timeout: TTL }),
+        Order::JogJoint(JogJointOrder { id, joint_velocity, timeout: TTL, renews: false }),
         Order::Delegate(DelegateOrder {
             id,
             kind: MotionKind::MoveJoint,
@@ -126,7 +126,11 @@ fn what_commands_needs_the_lease_and_what_ends_motion_does_not() {
         Order::Pause(id),
         Order::Resume(id),
         Order::SetSpeedRatio(0.5),
-        Order::SetEquipment(EquipmentOrder { equipment: Default::default(), load: None }),
+        Order::SetEquipment(EquipmentOrder {
+            equipment: Default::default(),
+            load: None,
+            replaces: 0,
+        }),
         Order::SetSignal { signal: 0, values: Values::EMPTY, restricted: false },
         Order::SetParameter { parameter: 0, value: 0.0, restricted: false },
     ];

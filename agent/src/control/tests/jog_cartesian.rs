@@ -15,7 +15,7 @@ use crate::control::{
     LoopEvent, LoopRequest, LoopState, MAX_CHAINS, MotionReport, Order, Output, Params, Refusal,
     TwistTarget, step,
 };
-use crate::drivers::Feedback;
+use crate::drivers::{Feedback, LoadSetting};
 
 const PERIOD: Duration = Duration::from_millis(2);
 const SIX: &str = include_str!("../../../../config/robots/six_axis_arm.urdf");
@@ -65,6 +65,7 @@ impl Arm {
             tcp: tool(),
             base_in_world: mount(),
             joints: (0..chain.len()).collect(),
+            load: LoadSetting::default(),
         };
         let chains = vec![equipped.clone(), equipped];
         let params = Params {

@@ -117,9 +117,6 @@ pub(super) struct Plant {
     /// By how much the first joint drifts per tick, whatever it is told.
     pub(super) creep: f64,
     pub(super) reports_velocity: bool,
-    pub(super) operational_mode: OperationalMode,
-    pub(super) homed: JointSet,
-    pub(super) homing: JointSet,
     /// Ticks until the references searched for are found; never if `None`.
     pub(super) finds_after: Option<u32>,
     pub(super) asked: Vec<DriverRequest>,
@@ -149,9 +146,6 @@ impl Plant {
             blocked: false,
             creep: 0.0,
             reports_velocity: true,
-            operational_mode: OperationalMode::Cobot,
-            homed: JointSet::first(JOINTS),
-            homing: JointSet::NONE,
             finds_after: None,
             asked: Vec::new(),
             last: None,

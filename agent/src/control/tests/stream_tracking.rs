@@ -12,7 +12,7 @@ use proptest::test_runner::RngSeed;
 use super::rig::{JOINTS, PERIOD, Rig, joints, params};
 use super::stream::{lead, position, sample, send, streaming, velocity};
 use crate::control::{Equipment, EquippedChain, Params, StreamValues, TwistTarget};
-use crate::drivers::JointSet;
+use crate::drivers::{JointSet, LoadSetting};
 
 use CommandMode::{PositionCommand, VelocityCommand};
 
@@ -199,6 +199,7 @@ fn planar() -> (Params, Chain) {
         tcp,
         base_in_world: serde_json::from_value(base_in_world).expect("a pose"),
         joints: vec![0, 1, 2],
+        load: LoadSetting::default(),
     };
     let equipment = Arc::new(Equipment { config_seqno: 0, chains: vec![equipped] });
     (Params { equipment, ..params() }, chain.with_tool(&tcp))

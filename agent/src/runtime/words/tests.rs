@@ -79,21 +79,23 @@ refusals! {
     Refusal::ControllerRefused { .. } => Refusal::ControllerRefused { code: 12 }, DriverError;
     Refusal::ControllerTimeout => Refusal::ControllerTimeout, Timeout;
     Refusal::StepFailed => Refusal::StepFailed, Internal;
+    Refusal::EquipmentChanged { .. } =>
+        Refusal::EquipmentChanged { given: 1, current: 2 }, StaleModel;
+    Refusal::Superseded => Refusal::Superseded, Busy;
 }
 
 /// Codes that no refusal of the loop has, and where they are produced and tested.
-const ELSEWHERE: [(DenialCode, &str); 3] = [
+const ELSEWHERE: [(DenialCode, &str); 5] = [
+    (DenialCode::AlreadyAttached, "tools and payloads, agent/tests/equipment.rs"),
+    (DenialCode::Unreachable, "inverse kinematics, agent/tests/moves.rs; the gateway"),
     (DenialCode::TooLarge, "codec.rs: a payload above the limit; here: a long trajectory"),
     (DenialCode::BadEncoding, "codec.rs: a payload that cannot be read"),
     (DenialCode::UnknownMethod, "serve.rs: a method that does not exist"),
 ];
 
 /// Codes whose methods are built by others, or later.
-const LATER: [(DenialCode, &str); 5] = [
-    (DenialCode::AlreadyAttached, "tools and payloads"),
-    (DenialCode::Unreachable, "inverse kinematics; the gateway has it for absent robots"),
+const LATER: [(DenialCode, &str); 2] = [
     (DenialCode::StaleSequence, "streams count such samples; no request has a number yet"),
-    (DenialCode::StaleModel, "motions planned for a revision of the model"),
     (DenialCode::Collision, "collision checks"),
 ];
 

@@ -5,6 +5,8 @@ use armada_protocol::RobotName;
 use armada_protocol::messages::RobotInfo;
 use clap::Args;
 
+use super::tool::carried;
+use super::values::{parameters, signals};
 use crate::cell_address::CellArgs;
 use crate::exit::Exit;
 use crate::output::Output;
@@ -48,9 +50,9 @@ fn print(info: &RobotInfo, out: &Output) -> anyhow::Result<()> {
     out.line(format_args!("{}: {} {}, serial {serial}", info.robot, info.vendor, info.model))?;
     out.line(format_args!("  uuid          {}", info.uuid))?;
     out.line(format_args!(
-        "  control loop  {:.0} Hz, state published at {:.0} Hz",
+        "  control loop  {:.0} Hz, state published at {}",
         1000.0 / info.period_ms,
-        info.state_rate_hz
+        state_rates(info)
     ))?;
     out.line(format_args!(
         "  software      {}, description revision {}",
@@ -61,14 +63,53 @@ fn print(info: &RobotInfo, out: &Output) -> anyhow::Result<()> {
     for chain in &info.chains {
         out.line(format_args!("  {}: {} -> {}", chain.name, chain.base_link, chain.tip_link))?;
     }
+    print_equipment(info, out)?;
     let capabilities: Vec<_> = info.capabilities.iter().map(words::wire_name).collect();
     out.line(format_args!("\ncapabilities: {}", capabilities.join(", ")))?;
     out.line(format_args!("methods: {}", info.methods.join(", ")))
 }
 
+/// How often the state is published: `100 Hz, also 10 and 30 Hz`.
+fn state_rates(info: &RobotInfo) -> String {
+    let classes: Vec<_> = info.state_classes_hz.iter().map(u32::to_string).collect();
+    let also = match classes.as_slice() {
+        [] => String::new(),
+        rates => format!(", also {} Hz", rates.join(" and ")),
+    };
+    format!("{:.0} Hz{also}", info.state_rate_hz)
+}
+
+fn print_equipment(info: &RobotInfo, out: &Output) -> anyhow::Result<()> {
+    for equipment in &info.equipment {
+        out.line(format_args!("  {}", carried(equipment)))?;
+    }
+    let tools: Vec<_> = info.tools.iter().map(|tool| tool.name.as_str()).collect();
+    if !tools.is_empty() {
+        out.line(format_args!("tools that can be attached by name: {}", tools.join(", ")))?;
+    }
+    if !info.signals.is_empty() {
+        out.line(format_args!("\n{}", signals(&info.signals)))?;
+    }
+    if !info.parameters.is_empty() {
+        out.line(format_args!("\n{}", parameters(&info.parameters)))?;
+    }
+    Ok(())
+}
+
 fn joint_table(info: &RobotInfo) -> Table {
-    let titles =
-        ["#", "joint", "type", "lower", "upper", "speed [1/s]", "accel [1/s²]", "effort", "unit"];
+    let titles = [
+        "#",
+        "joint",
+        "type",
+        "lower",
+        "upper",
+        "home",
+        "speed [1/s]",
+        "reduced",
+        "accel [1/s²]",
+        "effort",
+        "unit",
+    ];
     let mut table = Table::new(&titles);
     for (index, joint) in info.joints.iter().enumerate() {
         let JointLimits { lower, upper, velocity, acceleration, effort, .. } = joint.limits;
@@ -78,7 +119,9 @@ fn joint_table(info: &RobotInfo) -> Table {
             words::joint_type(joint.joint_type).to_owned(),
             limit(lower),
             limit(upper),
+            limit(joint.home),
             limit(Some(velocity)),
+            limit(Some(joint.reduced.velocity)),
             limit(acceleration),
             effort.map_or_else(
                 || "-".to_owned(),
@@ -129,8 +172,8 @@ mod tests {
                     effort: Some(800.0),
                     ..JointLimits::default()
                 },
-                reduced: ReducedLimits::default(),
-                home: None,
+                reduced: ReducedLimits { velocity: 0.1, acceleration: 0.5 },
+                home: Some(0.2),
             }],
             chains: vec![ChainInfo {
                 name: "lift".to_owned(),
@@ -152,8 +195,9 @@ mod tests {
         let table = joint_table(&info).to_string();
         let row = table.lines().nth(1).expect("one joint");
         let cells: Vec<_> = row.split_whitespace().collect();
-        let expected =
-            ["0", "lift", "prismatic", "0.0000", "none", "0.2500", "none", "800", "N", "m"];
+        let expected = "0 lift prismatic 0.0000 none 0.2000 0.2500 0.1000 none 800 N m"
+            .split(' ')
+            .collect::<Vec<_>>();
         assert_eq!(cells, expected);
     }
 }

@@ -2,17 +2,26 @@
 
 pub(crate) mod call;
 pub(crate) mod completions;
+pub(crate) mod control;
 pub(crate) mod events;
+pub(crate) mod home;
 pub(crate) mod info;
 pub(crate) mod jog;
+pub(crate) mod kinematics;
+pub(crate) mod lease;
 pub(crate) mod model;
 pub(crate) mod modes;
+pub(crate) mod moves;
+pub(crate) mod payload;
 pub(crate) mod process;
 pub(crate) mod reset;
 pub(crate) mod run;
 pub(crate) mod status;
 pub(crate) mod stop;
+pub(crate) mod tool;
+mod typed_value;
 pub(crate) mod up;
+pub(crate) mod values;
 pub(crate) mod watch;
 
 use std::future::Future;
@@ -44,7 +53,21 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Exit> {
         Command::Watch(args) => block_on(watch::run(args)),
         Command::Info(args) => block_on(info::run(args)),
         Command::Events(args) => block_on(events::run(args)),
-        Command::Move(args) => block_on(jog::run(args)),
+        Command::Move(args) => block_on(moves::run(args)),
+        Command::Jog(args) => block_on(jog::run(args)),
+        Command::Home(args) => block_on(home::run(args)),
+        Command::Pause(args) => block_on(control::run_pause(args)),
+        Command::Resume(args) => block_on(control::run_resume(args)),
+        Command::Cancel(args) => block_on(control::run_cancel(args)),
+        Command::Speed(args) => block_on(control::run_speed(args)),
+        Command::Lease(args) => block_on(lease::run(args)),
+        Command::Tool(args) => block_on(tool::run(args)),
+        Command::Payload(args) => block_on(payload::run(args)),
+        Command::Signal(args) => block_on(values::run_signal(args)),
+        Command::Param(args) => block_on(values::run_param(args)),
+        Command::Tcp(args) => block_on(kinematics::run_tcp(args)),
+        Command::Ik(args) => block_on(kinematics::run_ik(args)),
+        Command::Record(args) => block_on(control::run_record(args)),
         Command::Run(args) => block_on(run::run(args)),
         Command::Halt(args) => block_on(modes::run_on_robots::<Halt>(args)),
         Command::Stop(args) => block_on(stop::run(args)),

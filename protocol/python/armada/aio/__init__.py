@@ -18,11 +18,30 @@ from armada._connection import DEFAULT_NAME, Connection, ConnectOptions
 from armada._waiting import LoopWaiting
 
 from .cell import Cell
+from .jog import Jogging
+from .lease import HeldLease
 from .motion import Motion
+from .opening import Opening
 from .robot import Robot
+from .stream import CommandStream, PositionStream, Stream, TwistStream, VelocityStream
 from .subscription import Subscription
 
-__all__ = ["Cell", "Connecting", "Motion", "Robot", "Subscription", "connect"]
+__all__ = [
+    "Cell",
+    "CommandStream",
+    "Connecting",
+    "HeldLease",
+    "Jogging",
+    "Motion",
+    "Opening",
+    "PositionStream",
+    "Robot",
+    "Stream",
+    "Subscription",
+    "TwistStream",
+    "VelocityStream",
+    "connect",
+]
 
 
 def connect(

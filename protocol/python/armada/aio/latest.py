@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from uuid import UUID
 
+import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
@@ -11,10 +13,23 @@ from armada import keys
 from armada._bus import Answer, Bus
 from armada._waiting import Inbox
 from armada.errors import NotConnected, RequestTimeout
-from armada.messages import RobotState
+from armada.messages import CommandMode, RobotState
 
 FRESH_S = 0.25
 """Age up to which a state counts as new [s], from its arrival."""
+
+
+class Seen(msgspec.Struct, frozen=True):
+    """The part of a state that a stream needs."""
+
+    boot_id: UUID
+    """Run of the agent."""
+    seqno: int
+    """Number of the tick in this run."""
+    epoch: int
+    """Epoch in force."""
+    command_mode: CommandMode
+    """What kind of command is followed."""
 
 
 class LatestState:
@@ -45,3 +60,10 @@ class LatestState:
             if self._newest is None:
                 raise NotConnected(self._endpoints, "the connection is closed")
         return Answer.of_sample(self._newest[1]).read(RobotState, self._key, timeout_s)
+
+    def newest_seen(self) -> Seen | None:
+        """The newest state as far as a stream needs it, however old; None if none ever came."""
+        self._newest = self._came.try_next() or self._newest
+        if self._newest is None:
+            return None
+        return Answer.of_sample(self._newest[1]).read(Seen, self._key, 0.0)

@@ -11,7 +11,14 @@ from uuid import UUID
 
 from armada._bus import RETRY_FOR_S, RETRY_PAUSE_S, Bus
 from armada.errors import ArmadaError, DeniedError, MotionFailed, NoReply, RequestTimeout
-from armada.messages import Accepted, ActionStatus, CellMotionStatus, DenialCode, MotionStatus
+from armada.messages import (
+    Accepted,
+    ActionStatus,
+    CellMotionStatus,
+    Denial,
+    DenialCode,
+    MotionStatus,
+)
 
 from .subscription import Subscription
 
@@ -33,11 +40,15 @@ class Motion(Generic[S]):
         motion_id: UUID,
         accepted: Accepted | None,
         cancel: Callable[[], Awaitable[None]],
+        pause: Callable[[], Awaitable[None]] | None = None,
+        resume: Callable[[], Awaitable[None]] | None = None,
     ) -> None:
         self._bus = bus
         self._key = key
         self._status_type = status_type
         self._cancel = cancel
+        self._pause = pause
+        self._resume = resume
         self.id = motion_id
         """Its identity."""
         self.accepted = accepted
@@ -50,6 +61,14 @@ class Motion(Generic[S]):
     async def cancel(self) -> None:
         """Ends it with a ramp to standstill."""
         await self._cancel()
+
+    async def pause(self) -> None:
+        """Brings it to rest on its path until it is resumed; not for motions of several robots."""
+        await _or_denied(self._pause)
+
+    async def resume(self) -> None:
+        """Goes on with it; not for motions of several robots."""
+        await _or_denied(self._resume)
 
     async def wait(self, timeout_s: float | None = None) -> S:
         """Waits for its end and returns the terminal status, good or bad.
@@ -103,6 +122,13 @@ class Motion(Generic[S]):
         if status.status != ActionStatus.COMPLETE:
             raise MotionFailed(status)
         return status
+
+
+async def _or_denied(ask: Callable[[], Awaitable[None]] | None) -> None:
+    if ask is None:
+        message = "motions of several robots cannot be paused: cancel them"
+        raise DeniedError(Denial(code=DenialCode.NOT_SUPPORTED, message=message))
+    await ask()
 
 
 async def cancelled_if_interrupted(

@@ -71,16 +71,48 @@ class RobotFlags(IntFlag):
     """An error that no reset clears."""
     ESTOP = 0x4
     """An emergency stop or a latched stop is in force."""
+    ESTOP_BUTTON1 = 0x8
+    """The first emergency stop button is pressed."""
+    ESTOP_BUTTON2 = 0x10
+    """The second emergency stop button is pressed."""
+    ESTOP_BUTTON3 = 0x20
+    """The third emergency stop button is pressed."""
+    ESTOP_BUTTON4 = 0x40
+    """The fourth emergency stop button is pressed."""
+    ESTOP_GUARD1 = 0x80
+    """The first guard is open."""
+    ESTOP_GUARD2 = 0x100
+    """The second guard is open."""
+    ESTOP_GUARD3 = 0x200
+    """The third guard is open."""
+    ESTOP_GUARD4 = 0x400
+    """The fourth guard is open."""
     ESTOP_SOFTWARE = 0x800
     """The stop was asked for by software: Armada's own latch."""
+    ESTOP_FAULT = 0x1000
+    """The emergency stop came from a fault of the controller."""
     ESTOP_INTERNAL = 0x2000
     """The emergency stop came from the controller's own circuit."""
+    ESTOP_OTHER = 0x4000
+    """The emergency stop came from elsewhere."""
+    ESTOP_RELEASED = 0x8000
+    """The emergency stop is released, and waits for the reset of its fault."""
+    ENABLING_SWITCH = 0x1_0000
+    """The enabling switch is held."""
     ENABLED = 0x2_0000
     """Drives are on."""
     READY = 0x4_0000
     """The controller takes commands."""
+    HOMED = 0x8_0000
+    """Every joint knows its reference."""
+    HOMING_REQUIRED = 0x10_0000
+    """A joint does not know its reference."""
     COMMUNICATION_FAILURE = 0x20_0000
     """No feedback has come for longer than the allowed time."""
+    VALID_POSITION_COMMAND = 0x100_0000
+    """A streamed position was followed in this tick."""
+    VALID_VELOCITY_COMMAND = 0x200_0000
+    """A streamed velocity was followed in this tick."""
     TRAJECTORY_RUNNING = 0x400_0000
     """A trajectory is in progress."""
 

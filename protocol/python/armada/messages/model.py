@@ -72,6 +72,51 @@ class Pose(Message, frozen=True, kw_only=True):
     orientation: Wxyz = Wxyz(w=1.0, x=0.0, y=0.0, z=0.0)
     """Rotation."""
 
+    @classmethod
+    def from_arrays(
+        cls, position_m: ArrayLike, orientation_wxyz: ArrayLike = (1.0, 0.0, 0.0, 0.0)
+    ) -> Pose:
+        """A pose from [x, y, z] and a unit quaternion [w, x, y, z].
+
+        Raises `ValueError` if they are not three and four finite numbers.
+        """
+        x, y, z = _row_of(3, position_m, "position_m").tolist()
+        qw, qx, qy, qz = _row_of(4, orientation_wxyz, "orientation_wxyz").tolist()
+        return cls(position_m=Xyz(x=x, y=y, z=z), orientation=Wxyz(w=qw, x=qx, y=qy, z=qz))
+
+
+class Twist(Message, frozen=True, kw_only=True):
+    """Speed of a frame: of its origin, and of its turning."""
+
+    linear_mps: JointVector = msgspec.field(default_factory=lambda: joint_vector((0.0, 0.0, 0.0)))
+    """Velocity of the frame's origin, x y z [m/s]."""
+    angular_radps: JointVector = msgspec.field(
+        default_factory=lambda: joint_vector((0.0, 0.0, 0.0))
+    )
+    """Angular velocity, x y z [rad/s]."""
+
+    @classmethod
+    def from_arrays(
+        cls, linear_mps: ArrayLike = (0.0, 0.0, 0.0), angular_radps: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> Twist:
+        """A twist from two rows of three numbers; raises `ValueError` if they are none."""
+        return cls(
+            linear_mps=_row_of(3, linear_mps, "linear_mps"),
+            angular_radps=_row_of(3, angular_radps, "angular_radps"),
+        )
+
+    @classmethod
+    def of(cls, value: Twist | ArrayLike) -> Twist:
+        """A twist as it is, or from six numbers: linear [m/s], then angular [rad/s]."""
+        if isinstance(value, Twist):
+            return value
+        row = _row_of(6, value, "twist")
+        return cls.from_arrays(row[:3], row[3:])
+
+    def to_array(self) -> JointVector:
+        """The six numbers as an array: linear [m/s], then angular [rad/s]."""
+        return joint_vector(np.concatenate((self.linear_mps, self.angular_radps)), "twist")
+
 
 class Interpolation(OpenEnum):
     """How to move between waypoints."""
@@ -174,6 +219,13 @@ class JointTrajectory(Message, frozen=True, kw_only=True, omit_defaults=True):
     def duration_s(self) -> float:
         """Time of the last waypoint [s]; zero if there is none."""
         return self.waypoints[-1].time_from_start_s if self.waypoints else 0.0
+
+
+def _row_of(length: int, values: ArrayLike, field: str) -> JointVector:
+    row = joint_vector(values, field)
+    if len(row) != length:
+        raise ValueError(f"{field} has {len(row)} numbers, expected {length}")
+    return row
 
 
 def _rows(values: ArrayLike, shape: tuple[int, int], field: str) -> list[JointVector]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from uuid import UUID
 
+import msgspec
+
 from ._base import Message, MonoTime, OpenEnum, RobotName
 from .denial import Denial
 
@@ -15,6 +17,8 @@ class ActionStatus(OpenEnum):
     """Accepted, waiting for its start."""
     RUNNING = "running"
     """In progress."""
+    PAUSED = "paused"
+    """In progress, at rest on its path or on the way to rest, until it is resumed."""
     COMPLETE = "complete"
     """Ended at its goal."""
     CANCELLED = "cancelled"
@@ -33,8 +37,29 @@ class MotionKind(OpenEnum):
 
     JOG_FREESPACE = "jog_freespace"
     """A move of all joints to a position."""
+    JOG_JOINT = "jog_joint"
+    """Joints at a speed."""
+    JOG_CARTESIAN = "jog_cartesian"
+    """Tools at a speed."""
+    HOME = "home"
+    """Homing."""
     TRAJECTORY = "trajectory"
     """A timed trajectory."""
+    MOVE_JOINT = "move_joint"
+    """A move to joint positions."""
+    MOVE_POSE = "move_pose"
+    """A move to a pose."""
+    MOVE_LINEAR = "move_linear"
+    """A straight move of the tool."""
+
+
+class Executor(OpenEnum):
+    """Who makes the set-points of a motion."""
+
+    AGENT = "agent"
+    """The agent's control loop."""
+    CONTROLLER = "controller"
+    """The controller itself."""
 
 
 class MotionProgress(Message, frozen=True, kw_only=True):
@@ -48,6 +73,12 @@ class MotionProgress(Message, frozen=True, kw_only=True):
     """Length of its own clock [s]."""
     waypoint: int
     """Last waypoint passed; 0 for a jog."""
+    rate: float
+    """How fast its clock runs: 1 as planned, 0 at rest on the path."""
+    paused: bool
+    """Whether it is paused."""
+    queued: int
+    """How many motions wait behind it."""
 
 
 class MotionStatus(Message, frozen=True, kw_only=True, omit_defaults=True):
@@ -65,6 +96,9 @@ class MotionStatus(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Time of this status, agent's monotonic clock [ns]."""
     kind: MotionKind
     """What makes the set-points."""
+    # Made by a function, so that it is written also where it is the default.
+    executor: Executor = msgspec.field(default_factory=lambda: Executor.AGENT)
+    """Who makes the set-points."""
     status: ActionStatus
     """Where it stands."""
     reason: Denial | None = None

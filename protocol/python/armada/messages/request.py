@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeAlias, TypeVar
 from uuid import UUID
 
-from ._base import JointVector, Message, MonoTime, RobotName
+from ._base import JointVector, Message, MonoTime, OpenEnum, RobotName
 from .denial import Denial
 from .mode import CommandMode
 from .model import JointTrajectory
+from .motion import ActionStatus
 
 P = TypeVar("P")
 
@@ -20,6 +21,8 @@ class Request(Message, Generic[P], frozen=True, kw_only=True, omit_defaults=True
     """Identity: repeated with the same id it is answered again, not done again."""
     client: str
     """Who asks, for people and the audit trail."""
+    lease: UUID | None = None
+    """The lease under which it is asked; not needed while nobody holds one."""
     params: P
     """What is asked."""
 
@@ -60,10 +63,55 @@ class JogFreespaceParams(Message, frozen=True, kw_only=True, omit_defaults=True)
     """Goal of every joint, in the robot's joint order [rad or m]."""
     max_velocity_rad_s: JointVector | None = None
     """Highest speed of every joint [rad/s or m/s]; the joints' limits if left out."""
+    wait: bool = False
+    """Whether to be answered when the motion has ended."""
+
+
+class Queue(OpenEnum):
+    """What becomes of a trajectory that comes while another is in progress."""
+
+    REFUSE = "refuse"
+    """It is refused as busy."""
+    APPEND = "append"
+    """It waits for the end of the last one in the queue, where it must begin."""
+    APPEND_BLENDED = "append_blended"
+    """As `append`, and the robot does not come to rest in between where the limits allow: the
+    way leaves the end of the one and the beginning of the other by their tolerances at most."""
+    REPLACE = "replace"
+    """It takes the place of what is in progress and in the queue, which end as cancelled; the
+    robot goes over to it without a halt where the limits allow."""
+
+
+class LeaseLossContinueS(Message, frozen=True, kw_only=True):
+    """Go on for some time, then come to rest on the path; `LeaseLoss::ContinueS` in Rust."""
+
+    continue_s: float
+    """For how long [s], above 0 to 60."""
+
+
+LeaseLoss: TypeAlias = Literal["stop_on_path", "finish"] | LeaseLossContinueS
+"""What becomes of a motion whose lease runs out: it comes to rest on its path, at once or after
+some time, or it goes on to its end and what is queued behind it is cancelled. Streams and jogs
+always stop."""
 
 
 class ExecuteTrajectoryParams(Message, frozen=True, kw_only=True, omit_defaults=True):
-    """Parameters of an agent's `execute_trajectory` and `prepare`."""
+    """Parameters of an agent's `execute_trajectory`."""
+
+    motion_id: UUID | None = None
+    """Identity the motion gets; a new one is made if left out."""
+    trajectory: JointTrajectory
+    """The trajectory; it names every joint of the robot."""
+    queue: Queue = Queue.REFUSE
+    """What to do if a motion is in progress."""
+    on_lease_loss: LeaseLoss = "stop_on_path"
+    """What to do if the lease is lost on the way."""
+    wait: bool = False
+    """Whether to be answered when the motion has ended."""
+
+
+class PrepareParams(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """Parameters of `prepare`."""
 
     motion_id: UUID | None = None
     """Identity the motion gets; a new one is made if left out."""
@@ -71,15 +119,17 @@ class ExecuteTrajectoryParams(Message, frozen=True, kw_only=True, omit_defaults=
     """The trajectory; it names every joint of the robot."""
 
 
-class Accepted(Message, frozen=True, kw_only=True):
+class Accepted(Message, frozen=True, kw_only=True, omit_defaults=True):
     """A motion was accepted; what becomes of it is published under `motions/{id}`."""
 
     motion_id: UUID
     """Identity of the motion."""
     duration_s: float
-    """How long it takes [s]."""
+    """How long it takes [s]; 0 if that is not known."""
     epoch: int
     """Epoch it belongs to."""
+    status: ActionStatus | None = None
+    """How it ended, if the answer was to wait for that."""
 
 
 class Prepared(Message, frozen=True, kw_only=True):

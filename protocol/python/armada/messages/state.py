@@ -6,17 +6,23 @@ from uuid import UUID
 
 from ._base import JointVector, Message, MonoTime
 from .mode import CommandMode, ControllerState, OperationalMode, RobotFlags
-from .model import Pose
+from .model import Pose, Twist
 from .motion import MotionProgress
 
 
 class TcpState(Message, frozen=True, kw_only=True):
-    """Where the tip of a chain is."""
+    """Where the tool centre point and the flange of a chain are."""
 
     chain: str
     """Name of the chain."""
     pose: Pose
-    """Pose of the tip in the chain's base link."""
+    """Pose of the tool centre point in the chain's base link."""
+    twist: Twist | None
+    """Its speed, in the axes of the chain's base link; None while joint speeds are not known."""
+    flange_pose: Pose
+    """Pose of the flange, which is the chain's tip link, in the chain's base link."""
+    flange_twist: Twist | None
+    """Its speed, in the axes of the chain's base link."""
 
 
 class RobotState(Message, frozen=True, kw_only=True):
@@ -55,9 +61,11 @@ class RobotState(Message, frozen=True, kw_only=True):
     joint_velocity_command_rad_s: JointVector
     """Speeds that go with them [1/s]."""
     tcp: tuple[TcpState, ...]
-    """Pose of each chain's tip, in the order of `RobotInfo`'s chains."""
+    """Where each chain's tool centre point and flange are, in the order of `RobotInfo`'s chains."""
     motion: MotionProgress | None
     """The motion in progress."""
+    speed_ratio: float
+    """Speed of all motions over what they were planned for, 0.01 to 1."""
     config_seqno: int
     """Revision of tools and payloads."""
 

@@ -28,7 +28,22 @@ class Lease(Message, frozen=True, kw_only=True):
     holder: str
     """Name of the holder."""
     remaining_ms: int
-    """Time left [ms]."""
+    """Time left [ms]; 0 once it has run out."""
+    stale: bool
+    """Whether it has run out: the holder may still renew it, anybody may acquire one."""
+
+
+class StreamStatistics(Message, frozen=True, kw_only=True):
+    """How a stream of commands comes in."""
+
+    taken: int
+    """Samples taken in this epoch."""
+    dropped: int
+    """Samples dropped in this epoch."""
+    age_ms: float
+    """Time since the newest one [ms]."""
+    starved: bool
+    """Whether the robot decelerates or stands because samples stay away."""
 
 
 class FaultCode(OpenEnum):
@@ -38,23 +53,54 @@ class FaultCode(OpenEnum):
     """No feedback for longer than the allowed time."""
     CONTROLLER_ERROR = "controller_error"
     """The controller reports an error."""
+    FATAL_ERROR = "fatal_error"
+    """The controller reports an error that no reset clears."""
     EMERGENCY_STOP = "emergency_stop"
     """The controller's own emergency stop is pressed."""
+    GUARD_STOP = "guard_stop"
+    """A safeguard of the controller is open."""
     NOT_READY = "not_ready"
     """Drives went off, or the controller stopped taking commands, during a motion."""
     TRACKING_ERROR = "tracking_error"
     """Measured and commanded position went too far apart."""
+    VELOCITY_ERROR = "velocity_error"
+    """Measured and commanded speed went further apart than a waypoint allows."""
+    HOMING_FAILED = "homing_failed"
+    """The controller failed to home."""
     LOOP_ERROR = "loop_error"
     """The control loop itself failed."""
 
 
-class Fault(Message, frozen=True, kw_only=True):
+class ClearBy(OpenEnum):
+    """What clears a fault; each level does what those before it do."""
+
+    HALT = "halt"
+    """Setting mode `halt`."""
+    RESET_ERRORS = "reset_errors"
+    """`reset_errors`."""
+    CONTROLLER = "controller"
+    """A person at the controller, then `reset_errors`."""
+
+
+class Fault(Message, frozen=True, kw_only=True, omit_defaults=True):
     """A latched fault; it stays until `reset_errors` when its cause is gone."""
 
     code: FaultCode
     """What kind."""
     message: str
     """What happened, with joint, value and limit."""
+    joint: str | None = None
+    """Joint, if one is at fault."""
+    value: float
+    """The value that was wrong, in the unit that the message names."""
+    limit: float
+    """Its limit; 0 if it has none."""
+    clear: ClearBy
+    """What clears it."""
+    remedy: str
+    """What a person is to do."""
+    recording: str | None = None
+    """File with the last seconds of the control loop, on the agent's machine."""
     since_ns: MonoTime
     """When it was latched, agent's monotonic clock [ns]."""
 
@@ -120,6 +166,10 @@ class RobotStatus(Message, frozen=True, kw_only=True):
     """Who may command; None while nobody holds a lease."""
     motion: MotionStatus | None
     """The motion in progress or waiting for its start."""
+    queued: tuple[UUID, ...]
+    """Motions that wait behind it, in their order."""
+    stream: StreamStatistics | None
+    """The stream of commands, while one is in progress."""
     control_loop: LoopStatistics
     """Timing of the control loop."""
     dropped: tuple[tuple[str, int], ...]

@@ -14,7 +14,7 @@ pub(super) const STDIN: &str = "-";
 ///
 /// # Errors
 /// If the file or standard input cannot be read as text.
-pub(super) fn text_of(argument: &str) -> anyhow::Result<String> {
+pub(crate) fn text_of(argument: &str) -> anyhow::Result<String> {
     match argument.strip_prefix('@') {
         Some(path) => std::fs::read_to_string(path).with_context(|| path.to_owned()),
         None if argument == STDIN => stdin(),

@@ -40,7 +40,7 @@ pub(super) enum PoseInputError {
 ///
 /// # Errors
 /// If the file cannot be read; [`UsageError`] if it is no pose.
-pub(super) fn of_argument(option: &str, argument: &str) -> anyhow::Result<Pose> {
+pub(crate) fn of_argument(option: &str, argument: &str) -> anyhow::Result<Pose> {
     let text = text_of(argument)?;
     Ok(parse(&text).map_err(|error| UsageError(format!("{option}: {error}")))?)
 }

@@ -7,26 +7,26 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::bail;
-use armada_model::JointTrajectory;
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{
     Accepted, ActionStatus, CancelParams, CellExecuteTrajectory, CommandMode,
-    ExecuteTrajectoryParams,
+    ExecuteTrajectoryParams, Queue,
 };
 use armada_protocol::method::{cell, robot};
-use clap::{Args, ValueHint};
+use clap::{Args, ValueEnum, ValueHint};
 use uuid::Uuid;
 
 pub(crate) use plan::Plan;
 
 use crate::cell_address::CellArgs;
-use crate::commands::jog::{Jog, commanded, parse_fraction, report_end};
-use crate::exit::Exit;
+use crate::commands::moves::{commanded, parse_fraction, start_jog};
+use crate::exit::{Exit, UsageError};
 use crate::motion::{Follower, MotionView, Mover, Waited, end_line, enter_mode, next_state};
 use crate::output::{Output, note};
 use crate::signals::Signals;
 use crate::standstill;
+use crate::started::{WaitArgs, accepted_line, report_end};
 
 /// Speed of the way to the first waypoint, as a fraction of the joints' limits.
 pub(crate) const APPROACH_SPEED: f64 = 0.3;
@@ -41,6 +41,7 @@ const CANCEL_TIMEOUT: Duration = Duration::from_secs(5);
   armada run config/motions/handover.json
   armada run config/motions/handover.json --speed 0.5 --repeat 3
   armada run sweep.json --robot left_arm
+  armada run next.json --robot left_arm --queue append --no-wait
 
 The file holds joint_names, and waypoints with time_from_start_s, joint_position [rad or m] and,
 if you like, joint_velocity. Names are ROBOT/JOINT, or JOINT with --robot.
@@ -62,19 +63,51 @@ pub(crate) struct RunArgs {
     /// Refuse instead of first moving robots to the first waypoint that are not there
     #[arg(long)]
     no_approach: bool,
+    /// What to do if a motion is in progress, instead of refusing; without an approach
+    #[arg(long, value_name = "HOW", requires = "robot", value_enum)]
+    queue: Option<QueueName>,
+    #[command(flatten)]
+    wait: WaitArgs,
     #[command(flatten)]
     cell: CellArgs,
+}
+
+/// What to do with a motion in progress.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum QueueName {
+    /// Wait for its end, where this one must begin
+    Append,
+    /// The same, without coming to rest in between where the limits allow
+    Blended,
+    /// Take its place, without a halt where the limits allow
+    Replace,
+}
+
+impl From<QueueName> for Queue {
+    fn from(name: QueueName) -> Self {
+        match name {
+            QueueName::Append => Self::Append,
+            QueueName::Blended => Self::AppendBlended,
+            QueueName::Replace => Self::Replace,
+        }
+    }
 }
 
 /// Runs the trajectory.
 pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
     let plan = Plan::load(&args.file, args.robot.as_ref())?.at_speed(args.speed);
+    let queue = args.queue.map_or(Queue::Refuse, Queue::from);
+    if args.wait.no_wait && args.repeat.get() > 1 {
+        let why = "--no-wait runs it once: leave --repeat out, or append with --queue";
+        return Err(UsageError(why.to_owned()).into());
+    }
     let (client, _) = args.cell.connect().await?;
     let out = args.cell.output();
     // From here on a signal stops the robots instead of only ending this program.
     let mut signals = Signals::new()?;
     for round in 1..=args.repeat.get() {
         if !args.no_approach
+            && args.queue.is_none()
             && let Exit::Interrupted = approach_or_halt(&client, &plan, &mut signals).await?
         {
             return Ok(Exit::Interrupted);
@@ -83,7 +116,12 @@ pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
             1 => plan.title(),
             rounds => format!("{} {round}/{rounds}", plan.title()),
         };
-        let round = once(&client, &plan, &title, args.cell.timeout, &mut signals).await?;
+        let (accepted, follower) = start_queued(&client, &plan, queue).await?;
+        if args.wait.no_wait {
+            return report_accepted(&title, &accepted, &out);
+        }
+        let motion = Asked { plan: &plan, title: &title, accepted, follower };
+        let round = motion.wait(&client, args.cell.timeout, &mut signals).await?;
         let exit = round.report(&title, &out)?;
         if exit != Exit::Success {
             return Ok(exit);
@@ -111,7 +149,7 @@ pub(crate) async fn approach(client: &Client, plan: &Plan) -> anyhow::Result<()>
     let mut jogs = Vec::new();
     for (info, goal) in away {
         note(format_args!("{}: moving to the first waypoint", info.robot));
-        jogs.push(Jog::start(client, &info, goal, APPROACH_SPEED).await?);
+        jogs.push(start_jog(client, &info, goal, APPROACH_SPEED).await?);
     }
     for jog in &jogs {
         let view = jog.end(client).await?;
@@ -163,33 +201,60 @@ impl Round {
     }
 }
 
-async fn once(
-    client: &Client,
-    plan: &Plan,
-    title: &str,
-    limit: Option<Duration>,
-    signals: &mut Signals,
-) -> anyhow::Result<Round> {
-    let (accepted, follower) = start(client, plan).await?;
-    match follower.wait(client, title, limit, signals).await? {
-        Waited::Ended(view) => Ok(Round { view: Some(*view), interrupted: false }),
-        Waited::Interrupted(signal) => {
-            note(format_args!("{signal}: cancelling {title}"));
-            cancel(client, plan, accepted.motion_id).await?;
-            let view = follower.wait_for_end(client, CANCEL_TIMEOUT).await;
-            Ok(Round { view, interrupted: true })
+/// A run that was accepted.
+struct Asked<'a> {
+    plan: &'a Plan,
+    title: &'a str,
+    accepted: Accepted,
+    follower: Follower,
+}
+
+impl Asked<'_> {
+    async fn wait(
+        self,
+        client: &Client,
+        limit: Option<Duration>,
+        signals: &mut Signals,
+    ) -> anyhow::Result<Round> {
+        let Self { plan, title, accepted, follower } = self;
+        match follower.wait(client, title, limit, signals).await? {
+            Waited::Ended(view) => Ok(Round { view: Some(*view), interrupted: false }),
+            Waited::Interrupted(signal) => {
+                note(format_args!("{signal}: cancelling {title}"));
+                cancel(client, plan, accepted.motion_id).await?;
+                let view = follower.wait_for_end(client, CANCEL_TIMEOUT).await;
+                Ok(Round { view, interrupted: true })
+            }
         }
     }
 }
 
+fn report_accepted(title: &str, accepted: &Accepted, out: &Output) -> anyhow::Result<Exit> {
+    if out.is_json() {
+        out.json(accepted)?;
+    } else {
+        out.line(accepted_line(title, accepted))?;
+    }
+    Ok(Exit::Success)
+}
+
 /// Brings the robots into mode trajectory and asks for the motion.
 pub(crate) async fn start(client: &Client, plan: &Plan) -> anyhow::Result<(Accepted, Follower)> {
+    start_queued(client, plan, Queue::Refuse).await
+}
+
+/// The same, with what is to become of a motion in progress.
+async fn start_queued(
+    client: &Client,
+    plan: &Plan,
+    queue: Queue,
+) -> anyhow::Result<(Accepted, Follower)> {
     for part in plan.parts() {
         enter_mode(client, &part.robot, CommandMode::Trajectory).await?;
     }
     let id = Uuid::now_v7();
     let follower = Follower::subscribe(client, plan.mover(), id).await?;
-    let accepted = execute(client, plan, id, plan.trajectory().clone()).await?;
+    let accepted = execute(client, plan, id, queue).await?;
     Ok((accepted, follower))
 }
 
@@ -197,11 +262,13 @@ async fn execute(
     client: &Client,
     plan: &Plan,
     id: Uuid,
-    trajectory: JointTrajectory,
+    queue: Queue,
 ) -> Result<Accepted, ClientError> {
+    let trajectory = plan.trajectory().clone();
     match plan.mover() {
         Mover::Robot(robot) => {
-            let params = ExecuteTrajectoryParams::at_once(Some(id), trajectory);
+            let at_once = ExecuteTrajectoryParams::at_once(Some(id), trajectory);
+            let params = ExecuteTrajectoryParams { queue, ..at_once };
             client.call::<robot::ExecuteTrajectory>(&robot, params).await
         }
         Mover::Cell => {

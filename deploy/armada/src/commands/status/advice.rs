@@ -2,7 +2,7 @@
 
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    CellRobotStatus, CommandMode, ControllerState, Fault, FaultCode, LatchedStop, Presence,
+    CellRobotStatus, CommandMode, ControllerState, Fault, LatchedStop, Presence,
 };
 
 use crate::words;
@@ -36,18 +36,8 @@ pub(crate) fn of(robot: &RobotName, status: &CellRobotStatus) -> Vec<String> {
 }
 
 fn fault_line(robot: &RobotName, fault: &Fault) -> String {
-    let next = match fault.code {
-        FaultCode::CommunicationLost => "check the controller and its cable, then ",
-        FaultCode::EmergencyStop => "release the emergency stop at the robot, then ",
-        FaultCode::ControllerError => "look at the controller's own message, then ",
-        FaultCode::TrackingError => "look what held the arm, then ",
-        FaultCode::FatalError => "put it right at the controller, then ",
-        FaultCode::GuardStop => "close the safeguard, then ",
-        FaultCode::VelocityError | FaultCode::HomingFailed => "look what held the arm, then ",
-        FaultCode::NotReady | FaultCode::LoopError => "",
-    };
     let code = words::wire_name(fault.code);
-    format!("{robot}: fault, {code}: {}; {next}`armada reset-errors {robot}`", fault.message)
+    format!("{robot}: fault, {code}: {}; {}", fault.message, words::remedy(robot, fault))
 }
 
 fn stop_line(robot: &RobotName, stop: &LatchedStop) -> String {
@@ -75,7 +65,7 @@ fn not_commanded(robot: &RobotName, status: &CellRobotStatus) -> Option<String> 
 #[cfg(test)]
 mod tests {
     use armada_model::MonoTime;
-    use armada_protocol::messages::{ClearBy, StopLatch, StopLevel, StopStage};
+    use armada_protocol::messages::{ClearBy, FaultCode, StopLatch, StopLevel, StopStage};
     use uuid::Uuid;
 
     use super::*;
@@ -100,25 +90,32 @@ mod tests {
 
     #[test]
     fn a_fault_is_told_with_its_message_and_the_command_that_clears_it() {
-        let fault = |code| Fault {
+        let fault = |code, clear, remedy: &str| Fault {
             code,
             message: "joint 3: 0.2 rad behind".to_owned(),
             joint: None,
             value: 0.2,
             limit: 0.1,
-            clear: ClearBy::ResetErrors,
-            remedy: String::new(),
+            clear,
+            remedy: remedy.to_owned(),
             recording: None,
             since_ns: MonoTime::ZERO,
         };
-        let faults = vec![fault(FaultCode::TrackingError), fault(FaultCode::LoopError)];
+        let faults = vec![
+            fault(FaultCode::TrackingError, ClearBy::Halt, "look what held the arm"),
+            fault(FaultCode::LoopError, ClearBy::ResetErrors, ""),
+            fault(FaultCode::GuardStop, ClearBy::Controller, "close the gate"),
+        ];
         let lines = advice(&CellRobotStatus { faults, ..online() });
         assert_eq!(
             lines,
             [
-                "left_arm: fault, tracking error: joint 3: 0.2 rad behind; look what held the arm, \
-                 then `armada reset-errors left_arm`",
-                "left_arm: fault, loop error: joint 3: 0.2 rad behind; `armada reset-errors left_arm`"
+                "left_arm: fault, tracking error: joint 3: 0.2 rad behind; look what held the arm; \
+                 `armada halt left_arm` clears it",
+                "left_arm: fault, loop error: joint 3: 0.2 rad behind; \
+                 `armada reset-errors left_arm` clears it",
+                "left_arm: fault, guard stop: joint 3: 0.2 rad behind; close the gate; \
+                 at the controller, and then `armada reset-errors left_arm`",
             ]
         );
     }

@@ -51,7 +51,7 @@ impl Feed {
         let states = client.subscribe(&keys::ROBOT_STATE.of(&robot), 2048).await?;
         let statuses = client.subscribe(&keys::ROBOT_STATUS.of(&robot), 16).await?;
         let mut model = Model::new(robot.clone());
-        model.info = Some(client.robot_info(&robot).await?);
+        model.take_info(client.robot_info(&robot).await?);
         model.status = client.robot_status(&robot).await.ok();
         let start = clock::now();
         Ok(Self { model, start, asked_info: None, client, address, states, statuses })
@@ -73,7 +73,7 @@ impl Feed {
         if self.model.needs_info() && !asked_lately {
             self.asked_info = Some(clock::now());
             if let Ok(info) = self.client.robot_info(&self.model.robot).await {
-                self.model.info = Some(info);
+                self.model.take_info(info);
             }
         }
         Ok(())

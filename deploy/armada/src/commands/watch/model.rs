@@ -17,6 +17,8 @@ pub(super) const STALE: Duration = Duration::from_millis(1500);
 pub(super) struct Model {
     pub(super) robot: RobotName,
     pub(super) info: Option<RobotInfo>,
+    /// Revision of tools and payloads when `info` was asked for.
+    info_config: Option<u64>,
     pub(super) status: Option<RobotStatus>,
     pub(super) state: Option<RobotState>,
     /// Outcome of what was asked for by a key.
@@ -33,6 +35,7 @@ impl Model {
         Self {
             robot,
             info: None,
+            info_config: None,
             status: None,
             state: None,
             message: String::new(),
@@ -61,10 +64,17 @@ impl Model {
         self.status = Some(status);
     }
 
+    /// Takes a description, which was asked for at the newest state.
+    pub(super) fn take_info(&mut self, info: RobotInfo) {
+        self.info_config = self.state.as_ref().map(|state| state.config_seqno);
+        self.info = Some(info);
+    }
+
     /// Whether the agent has another description than the one that is shown.
     pub(super) fn needs_info(&self) -> bool {
-        let boot_id = self.state.as_ref().map(|state| state.boot_id);
-        self.info.as_ref().is_none_or(|info| boot_id.is_some_and(|boot| boot != info.boot_id))
+        let Some(info) = &self.info else { return true };
+        let Some(state) = &self.state else { return false };
+        state.boot_id != info.boot_id || self.info_config != Some(state.config_seqno)
     }
 
     /// How long ago the last state came; `None` if none ever did.
@@ -212,13 +222,13 @@ pub(super) mod tests {
 
     pub(in super::super) fn full_model() -> Model {
         let mut model = Model::new("left_arm".parse().expect("a name"));
-        model.info = Some(info());
         model.take_status(status());
         for tick in 0..=100 {
             let at = Duration::from_millis(tick * 10);
             let stamp_ns = MonoTime::ZERO + at;
             model.take_state(at, RobotState { stamp_ns, ..state() });
         }
+        model.take_info(info());
         model
     }
 
@@ -253,5 +263,15 @@ pub(super) mod tests {
         let restarted = RobotState { boot_id: Uuid::max(), ..state() };
         model.take_state(Duration::from_secs(2), restarted);
         assert!(model.needs_info());
+    }
+
+    #[test]
+    fn a_robot_that_carries_something_else_is_asked_again_what_it_is() {
+        let mut model = full_model();
+        let loaded = RobotState { config_seqno: 1, ..state() };
+        model.take_state(Duration::from_secs(2), loaded);
+        assert!(model.needs_info());
+        model.take_info(info());
+        assert!(!model.needs_info());
     }
 }

@@ -77,10 +77,20 @@ fn line(model: &Model, now: Duration) -> String {
     if let Some(motion) = state.motion {
         let done = fraction(motion.elapsed_s, motion.duration_s) * 100.0;
         line.push_str(&format!(", motion {done:.0} %"));
+        let pace = words::pace(&motion, state.speed_ratio);
+        if !pace.is_empty() {
+            line.push_str(&format!(" ({pace})"));
+        }
     }
     if let Some(status) = &model.status {
         if status.stop.is_some() {
             line.push_str(", STOPPED");
+        }
+        if let Some(lease) = &status.lease {
+            line.push_str(&format!(", lease {}", words::lease(Some(lease))));
+        }
+        if let Some(stream) = &status.stream {
+            line.push_str(&format!(", {}", words::stream(stream)));
         }
         for fault in &status.faults {
             line.push_str(&format!(", FAULT {}", fault.message));

@@ -11,6 +11,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph, Row, Table, Wrap};
 
 use super::model::{Model, STALE};
+use crate::commands::tool::carried;
 use crate::motion::fraction;
 use crate::output::bar;
 use crate::words;
@@ -90,9 +91,11 @@ fn state_lines<'a>(model: &Model, state: &'a RobotState, now: Duration) -> Vec<L
         Line::raw(format!("flags: {}", flags.join(" "))),
         timing_line(model, now),
     ];
-    lines.extend(
-        state.tcp.iter().map(|tcp| Line::raw(format!("{}: {}", tcp.chain, words::pose(&tcp.pose)))),
-    );
+    lines.extend(state.tcp.iter().map(|tcp| {
+        let speed = words::speed(tcp.twist.as_ref());
+        let text = format!("{}: {}  {speed}", tcp.chain, words::pose(&tcp.pose));
+        Line::raw(text.trim_end().to_owned())
+    }));
     lines
 }
 
@@ -180,18 +183,26 @@ fn motion_line(model: &Model) -> Line<'_> {
         return Line::raw("no motion");
     };
     let done = fraction(motion.elapsed_s, motion.duration_s);
-    Line::raw(format!(
-        "motion {} {:3.0} %  {:.1}/{:.1} s  waypoint {}",
+    let ratio = model.state.as_ref().map_or(1.0, |state| state.speed_ratio);
+    let line = format!(
+        "motion {} {:3.0} %  {:.1}/{:.1} s  waypoint {}  {}",
         bar(done, 30),
         done * 100.0,
         motion.elapsed_s,
         motion.duration_s,
-        motion.waypoint
-    ))
+        motion.waypoint,
+        words::pace(&motion, ratio)
+    );
+    Line::raw(line.trim_end().to_owned())
 }
 
 fn alert_lines(model: &Model) -> Vec<Line<'_>> {
-    model.status.as_ref().map_or_else(Vec::new, status_lines)
+    let mut lines = model.status.as_ref().map_or_else(Vec::new, status_lines);
+    if let Some(info) = &model.info {
+        let loaded = info.equipment.iter().filter(|chain| chain.tool.is_some());
+        lines.extend(loaded.map(|chain| Line::raw(carried(chain))));
+    }
+    lines
 }
 
 fn status_lines(status: &RobotStatus) -> Vec<Line<'_>> {
@@ -214,6 +225,13 @@ fn status_lines(status: &RobotStatus) -> Vec<Line<'_>> {
     for fault in &status.faults {
         let code = words::wire_name(fault.code);
         lines.push(Line::styled(format!("FAULT {code}: {}", fault.message), alarm));
+        lines.push(Line::raw(format!("  {}", words::remedy(&status.robot, fault))));
+    }
+    if let Some(lease) = &status.lease {
+        lines.push(Line::raw(format!("lease: {}", words::lease(Some(lease)))));
+    }
+    if let Some(stream) = &status.stream {
+        lines.push(Line::raw(words::stream(stream)));
     }
     lines.extend(status.next.iter().map(|next| Line::raw(format!("next: {next}"))));
     lines
@@ -265,8 +283,8 @@ mod tests {
             "└────────────────────────────────────────────────────────────────────────────────────┘",
             "motion ████████░░░░░░░░░░░░░░░░░░░░░░  25 %  1.0/4.0 s  waypoint 3",
             "FAULT tracking error: joint shoulder: 0.3 rad behind",
+            "  `armada reset-errors left_arm` clears it",
             "next: reset_errors when the cause is gone",
-            "",
             "",
             " STOP: s   halt: h   help: ?   quit: q",
         ];

@@ -1,0 +1,57 @@
+"""The right to command a robot."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from uuid import UUID
+
+from armada import aio
+from armada._waiting import run
+
+
+class HeldLease:
+    """The right to command a robot: acquired and renewed until it is given back.
+
+    While it is held, what is asked of the robot through this connection is asked under it. When it
+    is lost, `on_lost` is called once, from wherever it is renewed, and what is asked then raises
+    `LeaseLost`; so does the end of a `with`, unless it ends by another error.
+    """
+
+    def __init__(self, inner: aio.HeldLease) -> None:
+        self._inner = inner
+        self.robot: str = inner.robot
+        """Name of the robot."""
+        self.id: UUID = inner.id
+        """The lease: whoever knows it may command."""
+        self.epoch: int = inner.epoch
+        """Epoch in force when it was granted."""
+        self.ttl_s: float = inner.ttl_s
+        """How long it lasts without being renewed [s]."""
+
+    @property
+    def is_held(self) -> bool:
+        """Whether it is neither lost nor given back."""
+        return self._inner.is_held
+
+    def check(self) -> None:
+        """Raises `LeaseLost` if it is not held any more."""
+        self._inner.check()
+
+    def next_seq(self) -> int:
+        """The number of the next sample of a stream under this lease."""
+        return self._inner.next_seq()
+
+    def release(self) -> None:
+        """Gives it back; a motion in progress ends with a ramp. Releasing twice does nothing."""
+        run(self._inner.release())
+
+    def __enter__(self) -> HeldLease:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        run(self._inner.__aexit__(kind, error, trace))

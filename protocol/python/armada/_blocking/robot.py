@@ -1,0 +1,55 @@
+"""One robot, as blocking calls."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from uuid import UUID
+
+from armada._connection import STOP_TIMEOUT_S
+from armada._waiting import run
+from armada.messages import (
+    ModeAnswer,
+    ResetAnswer,
+    StopLevel,
+    StopReport,
+)
+
+from .robot_equipment import RobotEquipment
+from .robot_moves import RobotMoves
+from .robot_streams import RobotStreams
+
+
+class Robot(RobotMoves, RobotStreams, RobotEquipment):
+    """One robot of a cell."""
+
+    def enable(self) -> ModeAnswer:
+        """Switches the drives on; returns when the controller reports them on."""
+        return run(self._inner.enable())
+
+    def disable(self) -> ModeAnswer:
+        """Ramps to standstill and switches the drives off."""
+        return run(self._inner.disable())
+
+    def reset_errors(self) -> ModeAnswer:
+        """Clears latched faults whose cause is gone, here and at the controller."""
+        return run(self._inner.reset_errors())
+
+    def reset(self, stop_ids: Collection[UUID] | None = None) -> ResetAnswer:
+        """Clears the latched stop; never moves, never enables.
+
+        `stop_ids` must list every latched stop; if left out, those of the status are taken.
+        """
+        return run(self._inner.reset(stop_ids))
+
+    def stop(
+        self,
+        reason: str = "",
+        *,
+        level: StopLevel = StopLevel.L2,
+        timeout_s: float = STOP_TIMEOUT_S,
+    ) -> StopReport:
+        """Stops this robot, gateway alive or not, and waits until it is measured to stand still.
+
+        It stays stopped until `reset`.
+        """
+        return run(self._inner.stop(reason, level=level, timeout_s=timeout_s))

@@ -1,0 +1,41 @@
+"""Something that is done again and again beside whoever began it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Awaitable, Callable
+
+from ._waiting import Background, Inbox, Waiting
+
+
+class Repeater:
+    """Does something every period until it is ended, or the thing itself says that it is over."""
+
+    def __init__(
+        self, waiting: Waiting, period_s: float, work: Callable[[], Awaitable[bool]]
+    ) -> None:
+        """`work` returns whether to go on; it raises nothing."""
+        self._period_s = period_s
+        self._work = work
+        self._ending: Inbox[None] = waiting.inbox(1)
+        self._going: Background = waiting.background(self._go())
+
+    async def _go(self) -> None:
+        due = time.monotonic() + self._period_s
+        while not await self._ended_before(due):
+            if not await self._work():
+                return
+            # What was missed is not made up for.
+            due = max(due + self._period_s, time.monotonic())
+
+    async def _ended_before(self, due: float) -> bool:
+        try:
+            await self._ending.next(max(0.0, due - time.monotonic()))
+        except TimeoutError:
+            return False
+        return True
+
+    async def end(self) -> None:
+        """Ends it and waits until nothing of it is in progress; ending twice does nothing."""
+        self._ending.close()
+        await self._going.join()

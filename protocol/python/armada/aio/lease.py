@@ -1,0 +1,121 @@
+"""The right to command a robot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from types import TracebackType
+from typing import TypeVar
+from uuid import UUID
+
+from armada import keys, methods
+from armada._bus import Bus
+from armada._repeat import Repeater
+from armada.errors import ArmadaError, CodecError, DeniedError, LeaseLost
+from armada.messages import LeaseGrant, LeaseParams
+
+A = TypeVar("A")
+
+_RENEWALS = 3
+"""How often a lease is renewed while it lasts."""
+
+
+class HeldLease:
+    """The right to command a robot: acquired and renewed until it is given back.
+
+    While it is held, what is asked of the robot through this connection is asked under it. When it
+    is lost, `on_lost` is called once, from wherever it is renewed, and what is asked then raises
+    `LeaseLost`; so does the end of a `with`, unless it ends by another error.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        robot: str,
+        grant: LeaseGrant,
+        asked_at: float,
+        on_lost: Callable[[LeaseLost], None] | None,
+        forget: Callable[[HeldLease], None],
+    ) -> None:
+        self._bus = bus
+        self.robot = robot
+        """Name of the robot."""
+        self.id: UUID = grant.lease
+        """The lease: whoever knows it may command."""
+        self.epoch: int = grant.epoch
+        """Epoch in force when it was granted."""
+        self.ttl_s: float = grant.ttl_ms / 1000
+        """How long it lasts without being renewed [s]."""
+        self._renewed_at = asked_at
+        self._on_lost = on_lost
+        self._forget = forget
+        self._lost: LeaseLost | None = None
+        self._released = False
+        self._seq = 0
+        self._repeater = Repeater(bus.waiting, self.ttl_s / _RENEWALS, self._renew)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether it is neither lost nor given back."""
+        return self._lost is None and not self._released
+
+    def check(self) -> None:
+        """Raises `LeaseLost` if it is not held any more."""
+        if self._lost is not None:
+            raise self._lost
+        if self._released:
+            raise LeaseLost(self.robot, "it was given back")
+
+    def next_seq(self) -> int:
+        """The number of the next sample of a stream under this lease."""
+        self._seq += 1
+        return self._seq
+
+    async def release(self) -> None:
+        """Gives it back; a motion in progress ends with a ramp. Releasing twice does nothing."""
+        await self._repeater.end()
+        if self._released:
+            return
+        self._released = True
+        self._forget(self)
+        if self._lost is None:
+            await self._call(methods.RELEASE_LEASE)
+
+    async def _call(self, method: methods.Method[LeaseParams, A]) -> A:
+        key = keys.ROBOT_RPC.with_(self.robot, method.name)
+        return await self._bus.call(method, key, LeaseParams(lease=self.id), self.id)
+
+    async def _renew(self) -> bool:
+        asked_at = time.monotonic()
+        limited = replace(methods.RENEW_LEASE, timeout_s=self.ttl_s / _RENEWALS)
+        try:
+            await self._call(limited)
+        except (DeniedError, CodecError) as error:
+            return self._lose(str(error))
+        except ArmadaError as error:
+            # The agent or the link may be back before it has run out.
+            if time.monotonic() - self._renewed_at < self.ttl_s:
+                return True
+            return self._lose(str(error))
+        self._renewed_at = asked_at
+        return True
+
+    def _lose(self, reason: str) -> bool:
+        self._lost = LeaseLost(self.robot, reason)
+        if self._on_lost is not None:
+            self._on_lost(self._lost)
+        return False
+
+    async def __aenter__(self) -> HeldLease:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self.release()
+        if error is None and self._lost is not None:
+            raise self._lost
