@@ -275,8 +275,7 @@ impl LoopState {
             return;
         };
         // A report of before the request arrived says nothing.
-        let shown =
-            |f: &Feedback| f.stamp >= first + REPEAT && f.homing.is_empty() && is_over(f);
+        let shown = |f: &Feedback| f.stamp >= first + REPEAT && f.homing.is_empty() && is_over(f);
         let stands = !self.own_motion.is_move || self.standstill.is_shown(tick.params);
         if stands && self.condition.feedback().is_some_and(shown) {
             let number = self.own_motion.number;
