@@ -15,11 +15,22 @@ use crate::bench::wakes::Regularity;
 use crate::bench::{Side, turns};
 use crate::output::Progress;
 
-/// Share of missed periods, 0 to 1, by the number of arms, in rising order.
+/// What many arms did.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Many {
+    /// How many.
+    pub(super) arms: u32,
+    /// Share of the periods without a tick, 0 to 1.
+    pub(super) missed_share: f64,
+    /// Processor time of one arm, as a share of one processor.
+    pub(super) cpu_share: f64,
+}
+
+/// Both sides, in rising numbers of arms.
 #[derive(Debug, Default)]
-pub(super) struct Missed {
-    pub(super) ours: Vec<(u32, f64)>,
-    pub(super) original: Vec<(u32, f64)>,
+pub(super) struct Sides {
+    pub(super) ours: Vec<Many>,
+    pub(super) original: Vec<Many>,
 }
 
 /// Measures both, number by number, until each misses half of the periods.
@@ -27,35 +38,35 @@ pub(super) async fn measure(
     args: &OriginalArgs,
     python: &Path,
     progress: &mut Progress,
-) -> anyhow::Result<Missed> {
-    let mut missed = Missed::default();
+) -> anyhow::Result<Sides> {
+    let mut sides = Sides::default();
     let mut ours = Numbers::new(&args.arms, args.most);
     let mut original = Numbers::new(&args.arms, args.most);
-    let last = |measured: &[(u32, f64)]| measured.last().map(|(_, share)| *share);
     for round in 0.. {
-        let before = missed.ours.len() + missed.original.len();
+        let before = sides.ours.len() + sides.original.len();
         for side in turns(round) {
             let (numbers, done) = match side {
-                Side::Ours => (&mut ours, &mut missed.ours),
-                Side::Reference => (&mut original, &mut missed.original),
+                Side::Ours => (&mut ours, &mut sides.ours),
+                Side::Reference => (&mut original, &mut sides.original),
             };
-            let Some(arms) = numbers.next_after(last(done)) else { continue };
+            let Some(arms) = numbers.next_after(done.last().map(|last| last.missed_share)) else {
+                continue;
+            };
             progress.show(&format!("{arms} arms: {side}"));
-            let share = match side {
+            done.push(match side {
                 Side::Ours => of_ours(args, arms).await?,
                 Side::Reference => of_original(args, python, arms).await?,
-            };
-            done.push((arms, share));
+            });
         }
-        if missed.ours.len() + missed.original.len() == before {
+        if sides.ours.len() + sides.original.len() == before {
             break;
         }
     }
-    Ok(missed)
+    Ok(sides)
 }
 
 /// All arms in one agent process, their controllers in another.
-async fn of_ours(args: &OriginalArgs, arms: u32) -> anyhow::Result<f64> {
+async fn of_ours(args: &OriginalArgs, arms: u32) -> anyhow::Result<Many> {
     let folder = Folder::make()?;
     let spec = RobotSpec {
         name: "arm".parse()?,
@@ -66,11 +77,11 @@ async fn of_ours(args: &OriginalArgs, arms: u32) -> anyhow::Result<f64> {
     let mut fleet = Fleet::start(&folder, &spec, arms).await?;
     let (loops, _) = fleet.measure(args.seconds).await?;
     fleet.end().await?;
-    Ok(loops.missed_share)
+    Ok(Many { arms, missed_share: loops.missed_share, cpu_share: loops.cpu_share })
 }
 
 /// The arms in as many processes as there are cores, since one process of Python uses only one.
-async fn of_original(args: &OriginalArgs, python: &Path, arms: u32) -> anyhow::Result<f64> {
+async fn of_original(args: &OriginalArgs, python: &Path, arms: u32) -> anyhow::Result<Many> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut servers = Vec::new();
     for share in split(arms, u32::try_from(cores).unwrap_or(u32::MAX)) {
@@ -85,13 +96,15 @@ async fn of_original(args: &OriginalArgs, python: &Path, arms: u32) -> anyhow::R
             Ok((server, ticks))
         });
     }
-    let mut wakes = Vec::new();
+    let (mut wakes, mut cpu_share) = (Vec::new(), 0.0);
     for measured in measuring.join_all().await {
         let (server, ticks) = measured?;
         server.end().await?;
+        cpu_share += ticks.cpu_share / f64::from(arms);
         wakes.extend(ticks.loops.iter().map(|ticks| ticks.wakes(period())));
     }
-    Ok(Regularity::of_all(&wakes, period(), time).missed_share())
+    let missed_share = Regularity::of_all(&wakes, period(), time).missed_share();
+    Ok(Many { arms, missed_share, cpu_share })
 }
 
 fn period() -> Duration {

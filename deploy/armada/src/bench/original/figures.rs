@@ -15,8 +15,9 @@ pub(super) struct Figures {
     pub(super) busy: [f64; 3],
     /// From the deadline of a tick until its state is in a client's hands, for each rate \[µs\].
     pub(super) latency_us: [Typical; 2],
-    /// Processor time of the process of one arm, for each rate \[% of one processor\].
-    pub(super) processor_percent: [f64; 2],
+    /// Processor time of the process of one arm, for each rate, and for the second with the state
+    /// at the first \[% of one processor\].
+    pub(super) processor_percent: [f64; 3],
     /// From a request for one value to the answer \[µs\].
     pub(super) round_trip_us: Typical,
     /// From the request for a trajectory to the answer, for each number of waypoints \[ms\].

@@ -65,7 +65,7 @@ pub(super) struct OriginalArgs {
     #[arg(long, value_name = "NUMBER", default_value_t = 3,
         value_parser = clap::value_parser!(u32).range(1..=100))]
     pairs: u32,
-    /// Time of each measurement of loops, of which there are three a side in a pair
+    /// Time of each measurement of loops, of which there are four a side in a pair
     #[arg(long, value_name = "SECONDS", default_value = "4", value_parser = parse_seconds)]
     seconds: Duration,
     /// Requests of a kind, and motions, of each side in a pair

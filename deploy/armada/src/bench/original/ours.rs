@@ -35,12 +35,16 @@ const STILL: f64 = 1e-9;
 pub(super) async fn measure(args: &OriginalArgs, machine: &mut Machine) -> anyhow::Result<Figures> {
     let mut figures = Figures::default();
     let [slow, fast] = RATES_HZ;
-    let mut arm = Ours::start(args, slow).await?;
+    let mut arm = Ours::start(args, Rates { control_hz: slow, state_hz: slow }).await?;
     let held = arm.hold(args.seconds).await?;
     arm.end().await?;
     (figures.latency_us[0], figures.processor_percent[0]) = (held.latency_us, held.percent);
 
-    let mut arm = Ours::start(args, fast).await?;
+    let mut arm = Ours::start(args, Rates { control_hz: fast, state_hz: slow }).await?;
+    figures.processor_percent[2] = arm.hold(args.seconds).await?.percent;
+    arm.end().await?;
+
+    let mut arm = Ours::start(args, Rates { control_hz: fast, state_hz: fast }).await?;
     machine.scheduled("armada", &arm.arm.agent.ready.scheduling);
     let held = arm.hold(args.seconds).await?;
     (figures.latency_us[1], figures.processor_percent[1]) = (held.latency_us, held.percent);
@@ -58,6 +62,13 @@ pub(super) async fn measure(args: &OriginalArgs, machine: &mut Machine) -> anyho
         typical(&mut motions.iter().map(|motion| motion.moved_ms).collect::<Vec<_>>());
     arm.end().await?;
     Ok(figures)
+}
+
+/// How often an arm does what \[Hz\].
+#[derive(Clone, Copy)]
+struct Rates {
+    control_hz: u32,
+    state_hz: u32,
 }
 
 /// An arm that holds its position, and a subscriber of its state.
@@ -87,13 +98,12 @@ struct Motion {
 }
 
 impl Ours {
-    async fn start(args: &OriginalArgs, rate: u32) -> anyhow::Result<Self> {
+    async fn start(args: &OriginalArgs, rates: Rates) -> anyhow::Result<Self> {
         let folder = Folder::make()?;
         let spec = RobotSpec {
             name: "arm".parse()?,
-            period: Duration::from_secs(1) / rate,
-            // As often as the original, which sends its state at every tick.
-            state_rate_hz: rate,
+            period: Duration::from_secs(1) / rates.control_hz,
+            state_rate_hz: rates.state_hz,
             priority: args.common.policy.priority(),
         };
         let controller = Controller::start(&folder, &spec).await?;

@@ -12,7 +12,6 @@ import importlib.metadata
 import json
 import os
 import sys
-import threading
 import time
 
 PACKAGES = ["robotraconteur", "robotraconteurcompanion", "robotraconteur-abstract-robot"]
@@ -23,6 +22,7 @@ TRAJECTORY = "com.robotraconteur.robotics.trajectory"
 
 
 def now_ns():
+    """The clock that this program reads too."""
     return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
 
 
@@ -81,9 +81,9 @@ def description(index):
 
 def simulated(raconteur):
     """A class of arms that are where they were told to be a tick before."""
-    import numpy
-    from RobotRaconteurCompanion.Util.InfoFileLoader import InfoFileLoader
+    import numpy as np
     from robotraconteur_abstract_robot import AbstractRobot
+    from RobotRaconteurCompanion.Util.InfoFileLoader import InfoFileLoader
 
     class SimulatedArm(AbstractRobot):
         def __init__(self, index, period):
@@ -93,22 +93,22 @@ def simulated(raconteur):
             )
             super().__init__(info, JOINTS)
             self._update_period = period
-            self.pose = numpy.zeros((1,), dtype=self._pose_dtype)
-            self.twist = numpy.zeros((1,), dtype=self._spatial_velocity_dtype)
+            self.pose = np.zeros((1,), dtype=self._pose_dtype)
+            self.twist = np.zeros((1,), dtype=self._spatial_velocity_dtype)
             self.wakes = []
             self.to_home()
 
         def to_home(self):
             """Forgets all motion, for the next measurement of the first."""
-            self.position = numpy.array(HOME)
+            self.position = np.array(HOME)
             self.home, self.moved = self.position, None
 
         def _run_timestep(self, now):
             self.wakes.append(now_ns())
             with self._lock:
                 self._joint_position = self.position
-                self._joint_velocity = numpy.zeros((JOINTS,))
-                self._joint_effort = numpy.zeros((JOINTS,))
+                self._joint_velocity = np.zeros((JOINTS,))
+                self._joint_effort = np.zeros((JOINTS,))
                 self._endpoint_pose, self._endpoint_vel = self.pose, self.twist
                 self._last_robot_state = self._last_joint_state = self._last_endpoint_state = now
                 self._ready = self._enabled = True
@@ -117,7 +117,7 @@ def simulated(raconteur):
         def _send_robot_command(self, now, joint_pos_cmd, joint_vel_cmd):
             if joint_pos_cmd is None:
                 return
-            if self.moved is None and numpy.max(numpy.abs(joint_pos_cmd - self.home)) > 1e-9:
+            if self.moved is None and np.max(np.abs(joint_pos_cmd - self.home)) > 1e-9:
                 self.moved = now_ns()
             self.position = self._position_command = joint_pos_cmd
 
@@ -156,23 +156,22 @@ class Server:
             arm._start_robot()
         self.ready = {"port": transport.GetListenPort(), **versions()}
 
-    def cpu(self, ask):
-        return {"seconds": time.process_time()}
-
     def wakes(self, ask):
         """Wake-ups of each loop over a time from now, and the processor time used."""
         since = [len(arm.wakes) + 1 for arm in self.arms]
         begin = time.process_time(), now_ns()
         time.sleep(ask["seconds"])
         used = (time.process_time() - begin[0]) / ((now_ns() - begin[1]) / 1e9)
-        taken = [arm.take_wakes(first) for arm, first in zip(self.arms, since)]
+        taken = [arm.take_wakes(first) for arm, first in zip(self.arms, since, strict=True)]
         return {"loops": taken, "cpu_share": used}
 
-    def to_home(self, ask):
+    def to_home(self, _):
+        """The first arm back to where it started."""
         self.arms[0].to_home()
         return {}
 
-    def moved(self, ask):
+    def moved(self, _):
+        """When the first arm was told to be elsewhere; null if it was not."""
         return {"ns": self.arms[0].moved}
 
 
@@ -191,7 +190,8 @@ class Client:
         self.motion = None
         self.ready = versions()
 
-    def note(self, wire, state, stamp):
+    def note(self, _wire, state, _stamp):
+        """A state has come."""
         if self.listening:
             self.arrivals.append([int(state.seqno), now_ns()])
 
@@ -202,23 +202,38 @@ class Client:
         self.listening = False
         return {"arrivals": self.arrivals}
 
+    def state_every(self, ask):
+        """The state of every so many ticks from now on."""
+        self.robot.isoch_downsample = ask["ticks"] - 1
+        return {}
+
     def round_trips(self, ask):
         """Times of requests that read one value, one after the other."""
         times = []
         for _ in range(ask["rounds"]):
             begin = now_ns()
-            self.robot.command_mode
+            _ = self.robot.command_mode
             times.append((now_ns() - begin) / 1e3)
         return {"us": times}
 
-    def follow_mode(self, ask):
-        """Into the mode that takes trajectories."""
-        self.robot.command_mode = self.modes["halt"]
-        self.robot.command_mode = self.modes["trajectory"]
-        return {}
+    def follow_mode(self):
+        """Into the mode that takes trajectories, also after the arm has lost its mode."""
+        if self.robot.command_mode != self.modes["trajectory"]:
+            self.robot.command_mode = self.modes["halt"]
+            self.robot.command_mode = self.modes["trajectory"]
+
+    def close(self, motion):
+        """Ends a motion."""
+        try:
+            motion.Close()
+        except Exception:
+            # A loop that was late has given up its mode, and with it the motion; ending it then
+            # fails with an error of the original's own (t_index is not set).
+            self.follow_mode()
 
     def trajectory(self, ask):
-        import numpy
+        """Times and positions as the original takes them."""
+        import numpy as np
 
         def structure(name):
             return self.raconteur.GetStructureType(f"{TRAJECTORY}.{name}", self.robot)
@@ -227,10 +242,10 @@ class Client:
         trajectory = structure("JointTrajectory")()
         trajectory.joint_names = [f"joint_{joint + 1}" for joint in range(JOINTS)]
         trajectory.waypoints = []
-        empty = numpy.zeros((0,))
-        for seconds, position in zip(ask["times_s"], ask["positions"]):
+        empty = np.zeros((0,))
+        for seconds, position in zip(ask["times_s"], ask["positions"], strict=True):
             point = waypoint()
-            point.joint_position = numpy.array(position)
+            point.joint_position = np.array(position)
             point.joint_velocity = point.position_tolerance = point.velocity_tolerance = empty
             point.time_from_start = seconds
             trajectory.waypoints.append(point)
@@ -240,28 +255,32 @@ class Client:
         """Times from the request for a trajectory to the answer; nothing moves."""
         trajectory, times = self.trajectory(ask), []
         for _ in range(ask["rounds"]):
+            self.follow_mode()
             begin = now_ns()
             motion = self.robot.execute_trajectory(trajectory)
             times.append((now_ns() - begin) / 1e6)
-            motion.Close()
+            self.close(motion)
         return {"ms": times}
 
     def begin(self, ask):
         """Begins a motion; when the request was sent."""
         trajectory = self.trajectory(ask)
+        self.follow_mode()
         sent = now_ns()
         self.motion = self.robot.execute_trajectory(trajectory)
         # The motion begins with the first question for its progress, whose answer may take 5 s.
-        self.motion.AsyncNext(None, lambda status, error: None)
+        self.motion.AsyncNext(None, lambda _status, _error: None)
         return {"sent_ns": sent}
 
-    def end(self, ask):
-        self.motion.Close()
+    def end(self, _):
+        """Ends the motion that was begun."""
+        self.close(self.motion)
         self.motion = None
         return {}
 
 
 def versions():
+    """What is installed; null for what is not."""
     found = {}
     for package in PACKAGES:
         try:
@@ -272,10 +291,14 @@ def versions():
 
 
 class Nothing:
+    """Tells only what is installed."""
+
     ready = versions()
 
 
 def main(role, *arguments):
+    """Sets up, says so, and answers until the questions end."""
+
     def say(answer):
         print(json.dumps(answer), flush=True)
 

@@ -79,7 +79,7 @@ impl Server {
     }
 
     /// Puts the first arm back where it started and forgets its motion.
-    pub(super) async fn to_home(&mut self) -> anyhow::Result<()> {
+    pub(super) async fn go_home(&mut self) -> anyhow::Result<()> {
         self.python.ask::<Value>(&json!({ "ask": "to_home" })).await.map(drop)
     }
 
@@ -136,9 +136,10 @@ impl Client {
         Ok(times.us)
     }
 
-    /// Brings the arm into the mode that takes trajectories.
-    pub(super) async fn follow_mode(&mut self) -> anyhow::Result<()> {
-        self.0.ask::<Value>(&json!({ "ask": "follow_mode" })).await.map(drop)
+    /// Asks for the state of every so many ticks, at least 1.
+    pub(super) async fn state_every(&mut self, ticks: u32) -> anyhow::Result<()> {
+        let ask = json!({ "ask": "state_every", "ticks": ticks });
+        self.0.ask::<Value>(&ask).await.map(drop)
     }
 
     /// Times from the request for a trajectory to the answer \[ms\]; nothing moves.

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::arms::Missed;
+use super::arms::{Many, Sides};
 use super::figures::Figures;
 use super::venv::Versions;
 use super::{OriginalArgs, RATES_HZ, WAYPOINTS};
@@ -30,7 +30,7 @@ pub(super) fn report(
     machine: Machine,
     versions: &Versions,
     sides: [&[Figures]; 2],
-    missed: &Missed,
+    many: &Sides,
 ) -> Report {
     let settings = json!({
         "pairs": args.pairs,
@@ -41,9 +41,12 @@ pub(super) fn report(
     let mut report = Report::new("original", settings, machine);
     loops(&mut report, sides);
     times(&mut report, sides);
-    report.section(many(missed));
-    report.note(format!("armada at 100 Hz: {}", bounds_text(&missed.ours)));
-    report.note(format!("original at 100 Hz: {}", bounds_text(&missed.original)));
+    report.section(missed_periods(many));
+    report.section(processor_of_many(many));
+    for (name, side) in [("armada", &many.ours), ("original", &many.original)] {
+        let shares: Vec<_> = side.iter().map(|many| (many.arms, many.missed_share)).collect();
+        report.note(format!("{name} at 100 Hz: {}", bounds_text(&shares)));
+    }
     for note in NOTES {
         report.note(note);
     }
@@ -53,7 +56,7 @@ pub(super) fn report(
 /// What a reader must know.
 const NOTES: [&str; 6] = [
     "one arm of 7 joints that holds its position, and one subscriber of its state, which is sent \
-     at every tick",
+     at every tick unless said otherwise",
     "latency: from the deadline of a tick until a client in another process has its state, decoded",
     "processor: the agent without its emulated controller; the original with its simulated arm, \
      which costs next to nothing",
@@ -84,8 +87,10 @@ fn times(report: &mut Report, sides: [&[Figures]; 2]) {
     let section = Section::new("request that reads one value, to its answer, µs", ["p50", "p99"]);
     report.section(compared(section, sides, |figures| figures.round_trip_us.to_vec()));
 
-    let columns = RATES_HZ.map(|rate| format!("{rate} Hz"));
-    let section = Section::new("processor of one arm, % of one processor", &columns);
+    let [slow, fast] = RATES_HZ;
+    let columns =
+        [format!("{slow} Hz"), format!("{fast} Hz"), format!("{fast} Hz, state {slow} Hz")];
+    let section = Section::new("processor of one arm, % of one processor", columns);
     let percent = |figures: &Figures| figures.processor_percent.to_vec();
     let aim = aims(original, percent, [PROCESSOR_AIM]);
     report.section(compared(section, sides, percent).row(AIM, &[aim]));
@@ -122,23 +127,38 @@ fn aims(
     (0..columns).map(median).zip(parts).map(|(median, part)| median * part).collect()
 }
 
-/// Missed periods by the number of arms.
-fn many(missed: &Missed) -> Section {
+fn missed_periods(sides: &Sides) -> Section {
+    let aim = |&number: &u32| if number <= ARMS_AIM { 50.0 } else { f64::NAN };
+    let aim: Vec<_> = numbers(sides).iter().map(aim).collect();
+    let title = "many arms at 100 Hz, missed periods, %";
+    by_number(title, sides, |many| many.missed_share * 100.0).row(AIM, &[aim])
+}
+
+fn processor_of_many(sides: &Sides) -> Section {
+    let title = "many arms at 100 Hz, processor of one arm, % of one processor";
+    by_number(title, sides, |many| many.cpu_share * 100.0).ratio()
+}
+
+/// A figure of both sides by the number of arms.
+fn by_number(title: &str, sides: &Sides, of: fn(&Many) -> f64) -> Section {
+    let numbers = numbers(sides);
+    let row = |side: &[Many]| {
+        let figure = |number| side.iter().find(|many| many.arms == number).map_or(f64::NAN, of);
+        [numbers.iter().copied().map(figure).collect::<Vec<_>>()]
+    };
+    let columns: Vec<_> = numbers.iter().map(|number| format!("{number} arms")).collect();
+    Section::new(title, &columns)
+        .row("armada", &row(&sides.ours))
+        .row("original", &row(&sides.original))
+}
+
+/// Numbers of arms that either side was measured with.
+fn numbers(sides: &Sides) -> Vec<u32> {
     let mut numbers: Vec<u32> =
-        missed.ours.iter().chain(&missed.original).map(|(arms, _)| *arms).collect();
+        sides.ours.iter().chain(&sides.original).map(|many| many.arms).collect();
     numbers.sort_unstable();
     numbers.dedup();
-    let row = |side: &[(u32, f64)]| {
-        let of = |number: &u32| side.iter().find(|(arms, _)| arms == number);
-        let percent = |number| of(number).map_or(f64::NAN, |(_, share)| share * 100.0);
-        [numbers.iter().map(percent).collect::<Vec<_>>()]
-    };
-    let aim = |&number: &u32| if number <= ARMS_AIM { 50.0 } else { f64::NAN };
-    let columns: Vec<_> = numbers.iter().map(|number| format!("{number} arms")).collect();
-    Section::new("many arms at 100 Hz, missed periods, %", &columns)
-        .row("armada", &row(&missed.ours))
-        .row("original", &row(&missed.original))
-        .row(AIM, &[numbers.iter().map(aim).collect::<Vec<_>>()])
+    numbers
 }
 
 #[cfg(test)]
@@ -160,11 +180,14 @@ mod tests {
 
     #[test]
     fn numbers_of_arms_that_only_one_side_was_measured_with_stay_empty_for_the_other() {
-        let missed = Missed { ours: vec![(16, 0.0), (200, 0.25)], original: vec![(16, 0.5)] };
-        let lines: Vec<_> = many(&missed).to_string().lines().map(str::to_owned).collect();
-        assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["16", "arms", "200", "arms"]);
-        assert_eq!(lines[2].split_whitespace().collect::<Vec<_>>(), ["armada", "0", "25.0"]);
-        assert_eq!(lines[3].split_whitespace().collect::<Vec<_>>(), ["original", "50.0", "-"]);
+        let many = |arms, missed_share| Many { arms, missed_share, cpu_share: 0.01 };
+        let sides =
+            Sides { ours: vec![many(16, 0.0), many(200, 0.25)], original: vec![many(16, 0.5)] };
+        let lines: Vec<_> = missed_periods(&sides).to_string().lines().map(str::to_owned).collect();
+        let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(words(&lines[1]), ["16", "arms", "200", "arms"]);
+        assert_eq!(words(&lines[2]), ["armada", "0", "25.0"]);
+        assert_eq!(words(&lines[3]), ["original", "50.0", "-"]);
         assert!(lines[4].trim().ends_with('-'), "the aim is for 100 arms: {lines:?}");
     }
 }

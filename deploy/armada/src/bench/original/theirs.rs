@@ -32,11 +32,13 @@ pub(super) async fn measure(args: &OriginalArgs, python: &Path) -> anyhow::Resul
     let held = arm.hold(args.seconds).await?;
     (figures.latency_us[1], figures.processor_percent[1]) = (held.latency_us, held.percent);
     figures.idle = regularity(held.regularity);
+    arm.client.state_every(fast / slow).await?;
+    figures.processor_percent[2] = arm.hold(args.seconds).await?.percent;
+    arm.client.state_every(1).await?;
     let busy = keep_busy().await?;
     figures.busy = regularity(arm.hold(args.seconds).await?.regularity);
     busy.end().await?;
     figures.round_trip_us = typical(&mut arm.client.round_trips(args.rounds * 10).await?);
-    arm.client.follow_mode().await?;
     for (waypoints, figure) in WAYPOINTS.into_iter().zip(&mut figures.accept_ms) {
         let times = arm.client.accept(&trajectory(waypoints)?, args.rounds).await?;
         *figure = typical(&mut { times });
@@ -97,7 +99,7 @@ impl Theirs {
 
     /// From the request for a trajectory until the driver sees another set-point \[ms\].
     async fn first_motion(&mut self) -> anyhow::Result<f64> {
-        self.server.to_home().await?;
+        self.server.go_home().await?;
         let sent = self.client.begin(&trajectory(MOTION_WAYPOINTS)?).await?;
         for _ in 0..LOOKS {
             if let Some(moved) = self.server.moved().await? {
