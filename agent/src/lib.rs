@@ -13,4 +13,6 @@
 pub mod config;
 pub mod control;
 pub mod drivers;
+pub mod equipment;
+pub mod moves;
 pub mod runtime;

@@ -13,14 +13,18 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_agent::control::{
-    FollowOrder, Input, JogOrder, LoopRequest, LoopState, Order, Output, Params, step,
+    Equipment, EquippedChain, FollowOrder, HomeOrder, Input, JogCartesianOrder, JogJointOrder,
+    JogOrder, LoopAbilities, LoopRequest, LoopState, MAX_CHAINS, Order, Output, Params,
+    StreamSample, StreamValues, TwistTarget, step,
 };
-use armada_agent::drivers::{DriverRequest, Feedback};
+use armada_agent::drivers::{DriverRequest, Feedback, JointSet};
 use armada_model::{
-    CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MonoTime, MotionLimits,
-    TrajectoryOptions, Waypoint,
+    Chain, CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MAX_JOINTS, MonoTime,
+    MotionLimits, Pose, RobotModel, TrajectoryOptions, Twist, Waypoint,
 };
-use armada_protocol::messages::{CommandMode, OperationalMode, StopLevel};
+use armada_protocol::messages::{
+    CommandMode, HomeMethod, JogFrame, OperationalMode, Queue, StopLevel, StreamHeader,
+};
 use arrayvec::ArrayVec;
 use uuid::Uuid;
 
@@ -76,17 +80,29 @@ fn params() -> Params {
         effort: None,
     };
     Params {
-        limits: vec![joint; JOINTS],
-        period: PERIOD,
-        communication_timeout: Duration::from_millis(100),
         start_tolerance: all(0.05),
         tracking_tolerance: all(0.05),
         tracking_lag: PERIOD,
-        standstill_velocity: all(0.01),
-        standstill_hold: Duration::from_millis(50),
         request_timeout: Duration::from_millis(200),
         enable_on_start: true,
+        home: vec![Some(0.1); JOINTS],
+        abilities: LoopAbilities { homing: true, ..LoopAbilities::default() },
+        equipment: Arc::new(equipment()),
+        ..Params::for_joints(vec![joint; JOINTS], PERIOD).expect("few joints")
     }
+}
+
+/// The chain of the seven-axis arm of the project.
+fn equipment() -> Equipment {
+    let text = include_str!("../../config/robots/seven_axis_arm.urdf");
+    let model = RobotModel::from_urdf(text, "arm.urdf").expect("a robot description");
+    let chain = EquippedChain {
+        chain: Chain::new(&model, "base_link", "tool0").expect("a chain"),
+        tcp: Pose::from_translation(0.0, 0.0, 0.1),
+        base_in_world: Pose::default(),
+        joints: (0..JOINTS).collect(),
+    };
+    Equipment { config_seqno: 1, chains: vec![chain] }
 }
 
 fn trajectory(from: f64, to: f64) -> Arc<CompiledTrajectory> {
@@ -118,6 +134,8 @@ struct Rig {
     now: MonoTime,
     feedback: Option<Feedback>,
     stop: Option<StopLevel>,
+    /// Samples of the next tick.
+    stream: ArrayVec<StreamSample, 8>,
     calls: u64,
     ticks: u64,
 }
@@ -128,17 +146,20 @@ impl Rig {
         let state = LoopState::new(&params).expect("sensible");
         let now = MonoTime::from_nanos(1);
         let feedback = Feedback {
-            stamp: now,
-            joint_position: all(0.0),
             joint_velocity: all(0.0),
-            joint_effort: JointVector::EMPTY,
-            enabled: false,
-            ready: false,
-            emergency_stop: false,
-            error_code: 0,
-            operational_mode: OperationalMode::Auto,
+            operational_mode: OperationalMode::Cobot,
+            ..Feedback::of(now, all(0.0))
         };
-        Self { params, state, now, feedback: Some(feedback), stop: None, calls: 0, ticks: 0 }
+        Self {
+            params,
+            state,
+            now,
+            feedback: Some(feedback),
+            stop: None,
+            stream: ArrayVec::new(),
+            calls: 0,
+            ticks: 0,
+        }
     }
 
     /// One tick, which becomes the only owner of what `orders` hold.
@@ -154,8 +175,9 @@ impl Rig {
             stop: self.stop,
             loop_error: false,
             requests: requests
-                .map(|(ticket, order)| LoopRequest { ticket, order })
+                .map(|(ticket, order)| LoopRequest::new(ticket, order))
                 .collect::<ArrayVec<_, 8>>(),
+            stream: self.stream.take(),
         };
         let before = CALLS.get();
         let output = black_box(step(&self.params, &mut self.state, black_box(&mut input)));
@@ -181,7 +203,12 @@ impl Rig {
             Some(DriverRequest::Enable) => (feedback.enabled, feedback.ready) = (true, true),
             Some(DriverRequest::Disable) => (feedback.enabled, feedback.ready) = (false, false),
             Some(DriverRequest::ResetErrors) => feedback.error_code = 0,
-            None => {}
+            Some(DriverRequest::Home(joints)) => {
+                (feedback.homing, feedback.homed) = (joints, JointSet::NONE);
+            }
+            Some(DriverRequest::StopMotion) => feedback.homing = JointSet::NONE,
+            // Not among the abilities of this controller.
+            Some(_) | None => {}
         }
     }
 
@@ -209,9 +236,32 @@ fn jog(id: u128, goal: f64) -> Order {
     Order::Jog(JogOrder { id: Uuid::from_u128(id), joint_position, max_velocity })
 }
 
+fn jog_joint(id: u128, speed: f64) -> Order {
+    Order::JogJoint(JogJointOrder {
+        id: Uuid::from_u128(id),
+        joint_velocity: all(speed),
+        timeout: Duration::from_millis(300),
+        renews: false,
+    })
+}
+
+fn jog_tool(id: u128, speed: f64, frame: JogFrame) -> Order {
+    let linear = nalgebra::Vector3::new(speed, 0.5 * speed, -speed);
+    let mut twists = [None; MAX_CHAINS];
+    twists[0] = Some(TwistTarget { chain: 0, twist: Twist::new(linear, linear), frame });
+    let (id, timeout) = (Uuid::from_u128(id), Duration::from_millis(500));
+    Order::JogCartesian(JogCartesianOrder { id, twists, timeout, renews: false })
+}
+
+fn home(id: u128, method: HomeMethod) -> Order {
+    let mut groups = [JointSet::NONE; MAX_JOINTS];
+    (groups[0], groups[1]) = (JointSet::first(3), JointSet::NONE.with(5));
+    Order::Home(HomeOrder { id: Uuid::from_u128(id), groups, method })
+}
+
 fn follow(id: u128, trajectory: &Arc<CompiledTrajectory>, start: Option<MonoTime>) -> Order {
     let (id, trajectory) = (Uuid::from_u128(id), Arc::clone(trajectory));
-    Order::Follow(FollowOrder { id, trajectory, start, epoch: None })
+    Order::Follow(FollowOrder { start, ..FollowOrder::at_once(id, trajectory) })
 }
 
 fn set_mode(mode: CommandMode) -> Order {
@@ -250,6 +300,55 @@ fn jogs_their_change_of_goal_and_their_cancel_allocate_nothing() {
 }
 
 #[test]
+fn jogs_at_a_speed_into_limits_and_singularities_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Jog), jog_joint(1, 1.0)]);
+    for _ in 0..20 {
+        rig.tick([jog_joint(1, 1.5), jog_joint(2, 9.0)]);
+        rig.ticks(200);
+    }
+    rig.tick([jog(3, 0.5)]);
+    rig.ticks(3000);
+    // At 0.5 each and at 0, where the arm is stretched.
+    for (id, frame) in [(4, JogFrame::Base), (5, JogFrame::Tool), (6, JogFrame::World)] {
+        for speed in [0.1, 2.0, -2.0] {
+            rig.tick([jog_tool(id, speed, frame)]);
+            rig.ticks(400);
+        }
+    }
+    rig.tick([jog(7, 0.0)]);
+    rig.ticks(5000);
+    rig.tick([jog_tool(8, 0.5, JogFrame::Base)]);
+    rig.ticks(2000);
+    rig.expect_mode(CommandMode::Jog);
+}
+
+#[test]
+fn homing_both_ways_and_its_ends_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Homing), home(1, HomeMethod::Controller)]);
+    rig.ticks(100);
+    for _ in 0..2 {
+        let feedback = rig.feedback.as_mut().expect("heard");
+        (feedback.homed, feedback.homing) = (JointSet::first(JOINTS), JointSet::NONE);
+        rig.ticks(100);
+    }
+    rig.tick([home(2, HomeMethod::MoveToHome)]);
+    rig.ticks(2000);
+    rig.tick([home(3, HomeMethod::Controller)]);
+    rig.ticks(10);
+    rig.tick([Order::Cancel(Uuid::from_u128(3))]);
+    rig.ticks(500);
+    rig.tick([home(4, HomeMethod::Controller)]);
+    rig.ticks(10);
+    rig.tick([Order::Halt]);
+    rig.ticks(500);
+    rig.expect_mode(CommandMode::Halt);
+}
+
+#[test]
 fn trajectories_allocate_nothing_and_are_not_freed_in_the_loop() {
     let mut rig = Rig::new();
     rig.ticks(5);
@@ -269,9 +368,48 @@ fn trajectories_allocate_nothing_and_are_not_freed_in_the_loop() {
     let armed = follow(4, &trajectory(0.5, 0.0), Some(rig.now + PERIOD * 100));
     rig.tick([armed]);
     rig.ticks(600);
-    assert_eq!(rig.tick([Order::Halt]).retired.len(), 1);
-    rig.ticks(1000);
+    // Given back when the robot has come to rest on it.
+    let mut given_back = rig.tick([Order::Halt]).retired.len();
+    for _ in 0..1000 {
+        given_back += rig.tick([]).retired.len();
+    }
+    assert_eq!(given_back, 1);
     rig.expect_mode(CommandMode::Halt);
+}
+
+#[test]
+fn pauses_speeds_queues_blends_and_replacements_allocate_nothing() {
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::Trajectory)]);
+    let queued = |id, from, to, queue| match follow(id, &trajectory(from, to), None) {
+        Order::Follow(order) => Order::Follow(FollowOrder { queue, ..order }),
+        other => other,
+    };
+    let motion = Uuid::from_u128(1);
+    let mut retired = Vec::new();
+    retired.extend(rig.tick([queued(1, 0.0, 0.4, Queue::Append)]).retired);
+    retired.extend(rig.tick([queued(2, 0.4, 0.8, Queue::AppendBlended)]).retired);
+    retired.extend(rig.tick([queued(3, 0.8, 0.4, Queue::Append)]).retired);
+    for orders in [
+        [Order::Pause(motion), Order::SetSpeedRatio(0.5)],
+        [Order::Resume(motion), Order::SetSpeedRatio(1.0)],
+    ] {
+        rig.ticks(200);
+        retired.extend(rig.tick(orders).retired);
+    }
+    for _ in 0..1200 {
+        retired.extend(rig.tick([]).retired);
+    }
+    let here = rig.held();
+    retired.extend(rig.tick([queued(4, here, here + 0.3, Queue::Replace)]).retired);
+    rig.ticks(300);
+    retired.extend(rig.tick([Order::Cancel(Uuid::from_u128(4))]).retired);
+    for _ in 0..1200 {
+        retired.extend(rig.tick([]).retired);
+    }
+    assert_eq!(retired.len(), 4);
+    rig.expect_mode(CommandMode::Trajectory);
 }
 
 #[test]
@@ -312,5 +450,50 @@ fn faults_resets_and_disabling_allocate_nothing() {
     rig.tick([Order::ResetErrors, Order::Halt]);
     rig.tick([Order::Disable]);
     rig.ticks(200);
+    rig.expect_mode(CommandMode::Halt);
+}
+
+/// Streams to a new lease in `mode`, with wrong samples and gaps among the good ones.
+fn stream(rig: &mut Rig, lease: Uuid, mode: CommandMode, values: impl Fn(f64) -> StreamValues) {
+    rig.tick([Order::AcquireLease { lease, ttl: Duration::from_secs(60) }]);
+    // Orders of this rig name no lease, so the mode comes first where one is held.
+    let mut snapshot = rig.ticks(500).snapshot;
+    assert_eq!(snapshot.command_mode, mode);
+    for seq in 1..1000u64 {
+        let (epoch, state_seqno) = (snapshot.epoch, snapshot.seqno);
+        let header = StreamHeader { lease, epoch, seq, state_seqno };
+        let values = values((seq as f64 * 0.01).sin());
+        let wrong = StreamHeader { epoch: 0, ..header };
+        if seq % 100 > 60 {
+            rig.stream.push(StreamSample { header: wrong, values });
+        } else if seq % 3 == 0 {
+            rig.stream.push(StreamSample { header, values });
+            rig.stream.push(StreamSample { header, values });
+        }
+        snapshot = rig.tick([]).snapshot;
+    }
+    assert!(snapshot.stream.is_some_and(|stream| stream.taken > 100));
+    assert!(snapshot.dropped_samples.sequence > 100 && snapshot.dropped_samples.epoch > 100);
+}
+
+#[test]
+fn streams_of_positions_and_speeds_allocate_nothing() {
+    let joints = JointSet::first(JOINTS);
+    let mut rig = Rig::new();
+    rig.ticks(5);
+    rig.tick([set_mode(CommandMode::PositionCommand)]);
+    let position = |at: f64| StreamValues::Position {
+        joints,
+        position: all(4.0 * at),
+        velocity: JointVector::EMPTY,
+    };
+    stream(&mut rig, Uuid::from_u128(1), CommandMode::PositionCommand, position);
+    rig.tick([Order::ReleaseLease(Uuid::from_u128(1)), Order::Halt]);
+    rig.ticks(1000);
+    rig.tick([set_mode(CommandMode::VelocityCommand)]);
+    let velocity = |at: f64| StreamValues::Velocity { joints, velocity: all(3.0 * at) };
+    stream(&mut rig, Uuid::from_u128(2), CommandMode::VelocityCommand, velocity);
+    rig.tick([Order::ReleaseLease(Uuid::from_u128(2)), Order::Halt]);
+    rig.ticks(1000);
     rig.expect_mode(CommandMode::Halt);
 }

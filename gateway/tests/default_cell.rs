@@ -12,7 +12,7 @@ use armada_model::{
     RobotModel, TrajectoryOptions,
 };
 use armada_protocol::RobotName;
-use armada_protocol::messages::{JointInfo, RobotInfo};
+use armada_protocol::messages::{JointInfo, ReducedLimits, RobotInfo};
 use serde_json::Value;
 
 /// Height of the table the arms stand on \[m\].
@@ -55,6 +55,8 @@ fn robot(entry: &RobotEntry) -> Robot {
         name: variable.name.to_owned(),
         joint_type: variable.motion.joint_type,
         limits: JointLimits { acceleration: acceleration(variable.name), ..variable.motion.limits },
+        reduced: ReducedLimits::default(),
+        home: None,
     });
     let joints: Vec<_> = joints.collect();
     let initial = either(&file["driver"]["sim"]["emulator"], "initial_rad", "initial_m");

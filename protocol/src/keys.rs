@@ -115,6 +115,8 @@ keys! {
     ROBOT_INFO = "robots/{robot}/info", [Cached Queryable], Agent, "RobotInfo", Report;
     /// Measured and commanded state, at the robot's state rate.
     ROBOT_STATE = "robots/{robot}/state", [Published], Agent, "RobotState", State;
+    /// The state at a lower rate, for the rates of `RobotInfo.state_classes_hz`.
+    ROBOT_STATE_AT = "robots/{robot}/state/{rate_hz}", [Published], Agent, "RobotState", State;
     /// Mode, latched stop, faults, motion, loop timing, what may be done next; on change and at 1 Hz.
     ROBOT_STATUS = "robots/{robot}/status", [Cached Queryable], Agent, "RobotStatus", Report;
     /// The state in the shape of ROS; published with the state.
@@ -123,6 +125,14 @@ keys! {
     ROBOT_EVENTS = "robots/{robot}/events", [Cached], Agent, "Event", Report;
     /// Status of a motion: on change and at 10 Hz while running; queryable after its end.
     ROBOT_MOTION = "robots/{robot}/motions/{id}", [Published Queryable], Agent, "MotionStatus", Progress;
+    /// Streamed joint positions, in mode `position_command`.
+    ROBOT_STREAM_POSITION = "robots/{robot}/stream/position", [Subscribed], Agent, "StreamCommand", Stream;
+    /// Streamed joint velocities, in mode `velocity_command`.
+    ROBOT_STREAM_VELOCITY = "robots/{robot}/stream/velocity", [Subscribed], Agent, "StreamCommand", Stream;
+    /// Streamed velocities of a tool, in mode `velocity_command`.
+    ROBOT_STREAM_TWIST = "robots/{robot}/stream/twist", [Subscribed], Agent, "StreamTwist", Stream;
+    /// Streamed commands to any joints by name, in mode `position_command` or `velocity_command`.
+    ROBOT_COMMAND = "robots/{robot}/command", [Subscribed], Agent, "JointCommand", Stream;
     /// Requests to the agent, one query and one answer.
     ROBOT_RPC = "robots/{robot}/rpc/{method}", [Queryable], Agent, "per method", Rpc;
     /// Stops this robot; needs no lease and is never refused.

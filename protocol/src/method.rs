@@ -6,9 +6,14 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::messages::{
-    Accepted, CancelParams, CellExecuteTrajectory, CellResetAnswer, CellResetParams, CommitParams,
-    Empty, ExecuteTrajectoryParams, HaltAnswer, JogFreespaceParams, ModeAnswer, Prepared,
-    ResetAnswer, ResetParams, SetModeParams, StopReport, StopRequest,
+    Accepted, AcquireLeaseParams, AttachPayloadParams, AttachToolParams, CancelParams,
+    CellExecuteTrajectory, CellResetAnswer, CellResetParams, CommitParams, DetachParams, Empty,
+    EquipmentAnswer, ExecuteTrajectoryParams, ForwardKinematicsAnswer, ForwardKinematicsParams,
+    HaltAnswer, HomeParams, InverseKinematicsAnswer, InverseKinematicsParams, JogCartesianParams,
+    JogFreespaceParams, JogJointParams, LeaseGrant, LeaseParams, LeaseReleased, ModeAnswer,
+    MotionParams, MoveHomeParams, MoveJointParams, MovePoseParams, NameParams, NamedValue,
+    PrepareParams, Prepared, RecordingAnswer, ResetAnswer, ResetParams, SetModeParams,
+    SetValueParams, SpeedRatioAnswer, SpeedRatioParams, StopReport, StopRequest,
 };
 
 /// A method: one query, one answer.
@@ -69,6 +74,12 @@ pub mod robot {
     methods! {
         /// Every method of an agent.
         ALL:
+        /// Takes the right to command, if nobody has it.
+        AcquireLease = "acquire_lease", 2000, AcquireLeaseParams -> LeaseGrant;
+        /// Keeps the right to command.
+        RenewLease = "renew_lease", 2000, LeaseParams -> LeaseGrant;
+        /// Gives the right to command back; a motion in progress ends with a ramp.
+        ReleaseLease = "release_lease", 2000, LeaseParams -> LeaseReleased;
         /// Changes the command mode; every mode but `halt` is entered from `halt`.
         SetMode = "set_mode", 2000, SetModeParams -> ModeAnswer;
         /// Ramps to standstill and stays in `halt`; ends every motion.
@@ -81,18 +92,60 @@ pub mod robot {
         ResetErrors = "reset_errors", 8000, Empty -> ModeAnswer;
         /// Clears the latched stop; never moves, never enables.
         Reset = "reset", 2000, ResetParams -> ResetAnswer;
+        /// Homes joints in an order, in mode `homing`.
+        Home = "home", 4000, HomeParams -> Accepted;
         /// Moves all joints to a position, in mode `jog`; a new goal replaces the old one.
         JogFreespace = "jog_freespace", 2000, JogFreespaceParams -> Accepted;
-        /// Follows a trajectory at once, in mode `trajectory`.
+        /// Moves joints at a speed as long as it is repeated, in mode `jog`.
+        JogJoint = "jog_joint", 2000, JogJointParams -> Accepted;
+        /// Moves tools at a speed as long as it is repeated, in mode `jog`.
+        JogCartesian = "jog_cartesian", 2000, JogCartesianParams -> Accepted;
+        /// Follows a trajectory, in mode `trajectory`: at once, or after those before it.
         ExecuteTrajectory = "execute_trajectory", 4000, ExecuteTrajectoryParams -> Accepted;
-        /// Ends a motion with a ramp to standstill; the mode stays.
+        /// Moves all joints to a position, in mode `trajectory`.
+        MoveJoint = "move_joint", 4000, MoveJointParams -> Accepted;
+        /// Moves the tool to a pose, the joints on the straight way, in mode `trajectory`.
+        MovePose = "move_pose", 4000, MovePoseParams -> Accepted;
+        /// Moves the tool on a straight line, in mode `trajectory`.
+        MoveLinear = "move_linear", 4000, MovePoseParams -> Accepted;
+        /// Moves all joints to their home positions, in mode `trajectory`.
+        MoveHome = "move_home", 4000, MoveHomeParams -> Accepted;
+        /// Ends a motion with a ramp to standstill, or takes it out of the queue; the mode stays.
         Cancel = "cancel", 2000, CancelParams -> Empty;
+        /// Brings a motion to rest on its path until it is resumed.
+        Pause = "pause", 2000, MotionParams -> Empty;
+        /// Goes on with a paused motion.
+        Resume = "resume", 2000, MotionParams -> Empty;
+        /// Changes the speed of all motions, those in progress too.
+        SetSpeedRatio = "set_speed_ratio", 2000, SpeedRatioParams -> SpeedRatioAnswer;
+        /// Attaches a tool to a chain that has none.
+        AttachTool = "attach_tool", 4000, AttachToolParams -> EquipmentAnswer;
+        /// Detaches the tool of a chain that holds no payload.
+        DetachTool = "detach_tool", 4000, DetachParams -> EquipmentAnswer;
+        /// Attaches a payload to a chain with a tool.
+        AttachPayload = "attach_payload", 4000, AttachPayloadParams -> EquipmentAnswer;
+        /// Detaches the payload of a chain.
+        DetachPayload = "detach_payload", 4000, DetachParams -> EquipmentAnswer;
+        /// Value of a controller's setting.
+        GetParam = "get_param", 2000, NameParams -> NamedValue;
+        /// Sets a controller's setting; answered when the controller reports it.
+        SetParam = "set_param", 4000, SetValueParams -> NamedValue;
+        /// Value of a signal.
+        GetSignal = "get_signal", 2000, NameParams -> NamedValue;
+        /// Sets a signal; answered when the controller reports it.
+        SetSignal = "set_signal", 4000, SetValueParams -> NamedValue;
+        /// Where tool and flange of a chain are.
+        ForwardKinematics = "forward_kinematics", 2000, ForwardKinematicsParams -> ForwardKinematicsAnswer;
+        /// Joint positions for a pose of the tool.
+        InverseKinematics = "inverse_kinematics", 2000, InverseKinematicsParams -> InverseKinematicsAnswer;
         /// Validates a trajectory and keeps it for `commit`.
-        Prepare = "prepare", 4000, ExecuteTrajectoryParams -> Prepared;
+        Prepare = "prepare", 4000, PrepareParams -> Prepared;
         /// Starts a prepared trajectory at an instant of the agent's clock.
         Commit = "commit", 2000, CommitParams -> Accepted;
         /// Forgets a prepared trajectory, or ends it with a ramp if it runs.
         Abort = "abort", 2000, CancelParams -> Empty;
+        /// Writes the last seconds of the control loop to a file.
+        SaveRecording = "save_recording", 8000, Empty -> RecordingAnswer;
     }
 }
 

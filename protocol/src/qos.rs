@@ -14,6 +14,8 @@ pub enum Channel {
     Stop,
     /// Requests and answers.
     Rpc,
+    /// Streamed commands: newest counts.
+    Stream,
     /// Latest values at a rate: state, joint states, frames.
     State,
     /// Things that must arrive: status, info, events.
@@ -28,7 +30,7 @@ impl Channel {
     pub const fn priority(self) -> Priority {
         match self {
             Self::Stop => Priority::RealTime,
-            Self::Rpc => Priority::InteractiveHigh,
+            Self::Rpc | Self::Stream => Priority::InteractiveHigh,
             Self::State => Priority::InteractiveLow,
             Self::Report => Priority::DataHigh,
             Self::Progress => Priority::DataLow,
@@ -40,13 +42,15 @@ impl Channel {
     pub const fn congestion_control(self) -> CongestionControl {
         match self {
             Self::Rpc => CongestionControl::Block,
-            Self::Stop | Self::State | Self::Report | Self::Progress => CongestionControl::Drop,
+            Self::Stop | Self::Stream | Self::State | Self::Report | Self::Progress => {
+                CongestionControl::Drop
+            }
         }
     }
 
     /// Whether a message is sent at once instead of in a batch.
     #[must_use]
     pub const fn express(self) -> bool {
-        matches!(self, Self::Stop | Self::Rpc)
+        matches!(self, Self::Stop | Self::Rpc | Self::Stream)
     }
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use armada_protocol::codec::WireEncoding;
+use armada_protocol::messages::OperationalMode;
 use serde::Deserialize;
 use serde::de::Deserializer;
 
@@ -36,9 +37,25 @@ pub struct ControlConfig {
     /// How long the controller has to switch its drives or clear its errors \[ms\], 100 to 7000
     /// (the contract lets clients wait 8000); default 5000.
     pub request_timeout_ms: f64,
+    /// Silence of a stream of commands after which the robot decelerates \[ms\], 8 to 200; default
+    /// 40. With streamed positions it begins when a sample is twice as late as usual, if that is
+    /// sooner.
+    pub stream_timeout_ms: f64,
+    /// Highest age of the state that a sample of a stream was made for \[ms\], 20 to 1000; default
+    /// 100. Clients need states that often: see `publish.state_rate_hz`.
+    pub stream_max_age_ms: f64,
+    /// How long the controller may search the references of one group of joints \[ms\], 100 to
+    /// 600000; default 60000.
+    pub homing_timeout_ms: f64,
+    /// The operational mode of a controller that reports none; by default it is not known, which
+    /// is as restricted as `manual_reduced_speed`.
+    pub operational_mode: OperationalMode,
     /// Whether drives are switched on when the controller first answers; default false, and
     /// nothing else for a real robot.
     pub enable_on_start: bool,
+    /// Who makes single moves when nobody says: the agent (`never`, default), or the controller
+    /// where it can (`auto`).
+    pub delegate: Delegate,
     /// How the loop's thread is scheduled.
     pub realtime: RealtimeConfig,
 }
@@ -55,12 +72,22 @@ pub struct RealtimeConfig {
     pub lock_memory: bool,
 }
 
+/// Most rates at which the state is published besides.
+const MAX_STATE_CLASSES: usize = 8;
+
+/// Rates at which the state is published besides, if the file gives none \[Hz\].
+const STATE_CLASSES_HZ: [u32; 3] = [1, 10, 30];
+
 /// What is published and how.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PublishConfig {
     /// How often the state is published \[Hz\], 1 to the loop's rate; default 100.
     pub state_rate_hz: f64,
+    /// Rates at which the state is published besides, for clients that need less, each under a key
+    /// of its own \[Hz\]: whole numbers of 1 to the loop's rate, at most 8, none twice; default 1,
+    /// 10 and 30, as far as the loop is as fast.
+    pub state_classes_hz: Option<Vec<u32>>,
     /// Encoding of what is published: `json` (default) or `msgpack`.
     #[serde(deserialize_with = "encoding")]
     pub encoding: WireEncoding,
@@ -74,6 +101,17 @@ pub struct ZenohConfig {
     pub listen: Vec<String>,
     /// Where it connects to; none by default.
     pub connect: Vec<String>,
+}
+
+/// Who makes single moves when nobody says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Delegate {
+    /// The agent: every set-point passes its limiter.
+    #[default]
+    Never,
+    /// The controller, where it can; the agent else.
+    Auto,
 }
 
 impl Default for ControlConfig {
@@ -90,7 +128,12 @@ impl Default for ControlConfig {
             standstill_velocity_m_s: 0.002,
             standstill_hold_ms: 50.0,
             request_timeout_ms: 5000.0,
+            stream_timeout_ms: 40.0,
+            stream_max_age_ms: 100.0,
+            homing_timeout_ms: 60_000.0,
+            operational_mode: OperationalMode::Undefined,
             enable_on_start: false,
+            delegate: Delegate::Never,
             realtime: RealtimeConfig::default(),
         }
     }
@@ -104,7 +147,7 @@ impl Default for RealtimeConfig {
 
 impl Default for PublishConfig {
     fn default() -> Self {
-        Self { state_rate_hz: 100.0, encoding: WireEncoding::Json }
+        Self { state_rate_hz: 100.0, state_classes_hz: None, encoding: WireEncoding::Json }
     }
 }
 
@@ -128,6 +171,9 @@ impl ControlConfig {
         check_range("standstill_velocity_m_s", self.standstill_velocity_m_s, 1e-6..=0.5)?;
         check_range("standstill_hold_ms", self.standstill_hold_ms, 0.0..=5e3)?;
         check_range("request_timeout_ms", self.request_timeout_ms, 100.0..=7e3)?;
+        check_range("stream_timeout_ms", self.stream_timeout_ms, 8.0..=200.0)?;
+        check_range("stream_max_age_ms", self.stream_max_age_ms, 20.0..=1e3)?;
+        check_range("homing_timeout_ms", self.homing_timeout_ms, 100.0..=6e5)?;
         match self.realtime.priority {
             Some(priority) => check_range("realtime.priority", f64::from(priority), 1.0..=99.0),
             None => Ok(()),
@@ -136,8 +182,28 @@ impl ControlConfig {
 }
 
 impl PublishConfig {
+    /// The rates of `state_classes_hz`, or the default ones that a loop of `loop_rate_hz` \[Hz\] has.
+    #[must_use]
+    pub fn state_classes(&self, loop_rate_hz: f64) -> Vec<u32> {
+        let possible = |rate: &u32| f64::from(*rate) <= loop_rate_hz;
+        let default = || STATE_CLASSES_HZ.into_iter().filter(possible).collect();
+        self.state_classes_hz.clone().unwrap_or_else(default)
+    }
+
     pub(super) fn check(&self, loop_rate_hz: f64) -> Result<(), Problem> {
-        check_range("state_rate_hz", self.state_rate_hz, 1.0..=loop_rate_hz)
+        check_range("state_rate_hz", self.state_rate_hz, 1.0..=loop_rate_hz)?;
+        let classes = self.state_classes_hz.as_deref().unwrap_or_default();
+        if classes.len() > MAX_STATE_CLASSES {
+            let text = format!("{} rates, above the limit {MAX_STATE_CLASSES}", classes.len());
+            return Err(Problem::new("state_classes_hz", text));
+        }
+        for (index, &rate) in classes.iter().enumerate() {
+            check_range("state_classes_hz", f64::from(rate), 1.0..=loop_rate_hz)?;
+            if classes.iter().take(index).any(|&earlier| earlier == rate) {
+                return Err(Problem::new("state_classes_hz", format!("{rate} is given twice")));
+            }
+        }
+        Ok(())
     }
 }
 

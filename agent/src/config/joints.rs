@@ -3,11 +3,12 @@
 use std::fmt;
 
 use armada_model::{JointLimits, JointType, Motion};
-use armada_protocol::messages::JointInfo;
+use armada_protocol::messages::{JointInfo, ReducedLimits};
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
 
 use super::Problem;
+use crate::control::REDUCED_SHARE;
 
 /// One joint of a robot file.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +45,18 @@ pub struct JointOverrides {
     pub upper_rad: Option<f64>,
     /// Highest position \[m\].
     pub upper_m: Option<f64>,
+    /// Home position \[rad\]; none by default.
+    pub home_rad: Option<f64>,
+    /// Home position \[m\]; none by default.
+    pub home_m: Option<f64>,
+    /// Highest speed at reduced speed \[rad/s\]; by default a quarter of the highest.
+    pub reduced_velocity_rad_s: Option<f64>,
+    /// Highest speed at reduced speed \[m/s\]; by default a quarter of the highest.
+    pub reduced_velocity_m_s: Option<f64>,
+    /// Highest acceleration at reduced speed \[rad/s²\]; by default the highest.
+    pub reduced_acceleration_rad_s2: Option<f64>,
+    /// Highest acceleration at reduced speed \[m/s²\]; by default the highest.
+    pub reduced_acceleration_m_s2: Option<f64>,
 }
 
 /// Names of the fields in one unit, and their values.
@@ -53,6 +66,9 @@ struct InUnit {
     velocity: (&'static str, Option<f64>),
     lower: (&'static str, Option<f64>),
     upper: (&'static str, Option<f64>),
+    home: (&'static str, Option<f64>),
+    reduced_velocity: (&'static str, Option<f64>),
+    reduced_acceleration: (&'static str, Option<f64>),
 }
 
 impl JointConfig {
@@ -64,7 +80,12 @@ impl JointConfig {
     /// Finds values that no joint may have.
     pub(super) fn check(&self) -> Result<(), Problem> {
         for fields in [self.limits.turning(), self.limits.sliding()] {
-            let rates = [(fields.acceleration, MAX_RATE), (fields.velocity, MAX_RATE)];
+            let rates = [
+                (fields.acceleration, MAX_RATE),
+                (fields.velocity, MAX_RATE),
+                (fields.reduced_acceleration, MAX_RATE),
+                (fields.reduced_velocity, MAX_RATE),
+            ];
             for ((field, value), most) in rates.into_iter().chain([(fields.jerk, MAX_JERK)]) {
                 // Written so that not a number is refused as well.
                 if let Some(value) = value
@@ -74,7 +95,7 @@ impl JointConfig {
                     return Err(self.at(Problem::new(field, text)));
                 }
             }
-            for (field, value) in [fields.lower, fields.upper] {
+            for (field, value) in [fields.lower, fields.upper, fields.home] {
                 if let Some(value) = value {
                     super::check_range(field, value, -MAX_POSITION..=MAX_POSITION)
                         .map_err(|problem| self.at(problem))?;
@@ -107,7 +128,8 @@ impl JointConfig {
             JointType::Continuous if bounded => JointType::Revolute,
             other => other,
         };
-        Ok(JointInfo { name: self.name.clone(), joint_type, limits })
+        let (reduced, home) = (fields.reduced(&limits)?, fields.home(&limits)?);
+        Ok(JointInfo { name: self.name.clone(), joint_type, limits, reduced, home })
     }
 
     fn at(&self, problem: Problem) -> Problem {
@@ -130,6 +152,9 @@ impl JointOverrides {
             velocity: ("velocity_rad_s", self.velocity_rad_s),
             lower: ("lower_rad", self.lower_rad),
             upper: ("upper_rad", self.upper_rad),
+            home: ("home_rad", self.home_rad),
+            reduced_velocity: ("reduced_velocity_rad_s", self.reduced_velocity_rad_s),
+            reduced_acceleration: ("reduced_acceleration_rad_s2", self.reduced_acceleration_rad_s2),
         }
     }
 
@@ -140,13 +165,53 @@ impl JointOverrides {
             velocity: ("velocity_m_s", self.velocity_m_s),
             lower: ("lower_m", self.lower_m),
             upper: ("upper_m", self.upper_m),
+            home: ("home_m", self.home_m),
+            reduced_velocity: ("reduced_velocity_m_s", self.reduced_velocity_m_s),
+            reduced_acceleration: ("reduced_acceleration_m_s2", self.reduced_acceleration_m_s2),
         }
     }
 }
 
 impl InUnit {
-    const fn all(&self) -> [(&'static str, Option<f64>); 5] {
-        [self.acceleration, self.jerk, self.velocity, self.lower, self.upper]
+    const fn all(&self) -> [(&'static str, Option<f64>); 8] {
+        [
+            self.acceleration,
+            self.jerk,
+            self.velocity,
+            self.lower,
+            self.upper,
+            self.home,
+            self.reduced_velocity,
+            self.reduced_acceleration,
+        ]
+    }
+
+    /// What the joint may do at reduced speed, at most what it may do at all.
+    fn reduced(&self, limits: &JointLimits) -> Result<ReducedLimits, Problem> {
+        let at_most = |(field, given): (&'static str, Option<f64>), limit: f64| match given {
+            Some(value) if value > limit => {
+                Err(Problem::new(field, format!("{value} is above the joint's limit {limit}")))
+            }
+            given => Ok(given),
+        };
+        let acceleration = limits.acceleration.unwrap_or_default();
+        Ok(ReducedLimits {
+            velocity: at_most(self.reduced_velocity, limits.velocity)?
+                .unwrap_or(REDUCED_SHARE * limits.velocity),
+            acceleration: at_most(self.reduced_acceleration, acceleration)?.unwrap_or(acceleration),
+        })
+    }
+
+    /// The home position, inside the position limits.
+    fn home(&self, limits: &JointLimits) -> Result<Option<f64>, Problem> {
+        let (field, home) = self.home;
+        if let Some(value) = home.filter(|&value| !limits.contains(value)) {
+            let bound = |limit: Option<f64>| limit.map_or("none".to_owned(), |l| l.to_string());
+            let (lower, upper) = (bound(limits.lower), bound(limits.upper));
+            let text = format!("{value} is outside the joint's limits, {lower} to {upper}");
+            return Err(Problem::new(field, text));
+        }
+        Ok(home)
     }
 
     /// Refuses fields in the unit of another type of joint, naming the right one.

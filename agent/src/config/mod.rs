@@ -8,6 +8,7 @@
 //! A value that no robot may have is refused when the file is loaded, one that does not fit the
 //! robot description when the two meet; both errors name file, line, field, value and limit.
 
+mod chains;
 mod control;
 mod error;
 mod joints;
@@ -20,13 +21,14 @@ mod tests;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use armada_model::{MAX_JOINTS, RobotModel};
+use armada_model::{MAX_JOINTS, Pose, RobotModel};
 use armada_protocol::RobotName;
-use armada_protocol::messages::ChainInfo;
+use armada_protocol::messages::ToolInfo;
 use serde::Deserialize;
 use uuid::Uuid;
 
-pub use control::{ControlConfig, PublishConfig, RealtimeConfig, ZenohConfig};
+pub use chains::ChainConfig;
+pub use control::{ControlConfig, Delegate, PublishConfig, RealtimeConfig, ZenohConfig};
 pub use error::ConfigError;
 pub use joints::{JointConfig, JointOverrides};
 pub use problem::Problem;
@@ -59,7 +61,13 @@ pub struct RobotConfig {
     pub joints: Vec<JointConfig>,
     /// Chains whose tip poses are reported; none by default.
     #[serde(default)]
-    pub chains: Vec<ChainInfo>,
+    pub chains: Vec<ChainConfig>,
+    /// Tools that can be attached by their names; none by default.
+    #[serde(default)]
+    pub tools: Vec<ToolInfo>,
+    /// Where the root of the robot description stands in the world; at its origin by default.
+    #[serde(default)]
+    pub mount: Pose,
     /// The control loop.
     #[serde(default)]
     pub control: ControlConfig,
@@ -134,6 +142,7 @@ impl RobotConfig {
         }
         self.check_joints()?;
         self.check_chains()?;
+        self.check_tools()?;
         self.control.check().map_err(|problem| problem.under("control"))?;
         let loop_rate_hz = 1000.0 / self.control.period_ms;
         self.publish.check(loop_rate_hz).map_err(|problem| problem.under("publish"))?;
@@ -153,17 +162,6 @@ impl RobotConfig {
                 return Err(Problem::new("joints", format!("{:?} is named twice", joint.name)));
             }
             joint.check()?;
-        }
-        Ok(())
-    }
-
-    fn check_chains(&self) -> Result<(), Problem> {
-        for (index, chain) in self.chains.iter().enumerate() {
-            let at = |problem: Problem| problem.under(&index.to_string()).under("chains");
-            check_text("name", &chain.name, 1).map_err(at)?;
-            if self.chains.iter().take(index).any(|earlier| earlier.name == chain.name) {
-                return Err(at(Problem::new("name", format!("{:?} is given twice", chain.name))));
-            }
         }
         Ok(())
     }

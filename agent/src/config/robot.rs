@@ -1,11 +1,12 @@
 //! A robot file together with the robot description it names.
 
 use std::num::NonZeroU64;
+use std::sync::Arc;
 
-use armada_model::{JointType, JointVector, PositionSource, RobotModel};
+use armada_model::{Chain, JointType, JointVector, PositionSource, RobotModel};
 use armada_protocol::messages::{ChainInfo, JointInfo};
 
-use super::{ConfigError, JointConfig, Problem, RobotConfig, millis};
+use super::{ChainConfig, ConfigError, Delegate, JointConfig, Problem, RobotConfig, millis};
 use crate::control::Params;
 use crate::drivers::DriverSetup;
 
@@ -32,10 +33,10 @@ impl RobotConfig {
     /// not carry its tip.
     pub fn chain_infos(&self, model: &RobotModel) -> Result<Vec<ChainInfo>, ConfigError> {
         for (index, chain) in self.chains.iter().enumerate() {
-            check_chain(chain, model)
+            check_chain(&chain.info(), model)
                 .map_err(|problem| self.error(problem.under(&index.to_string()).under("chains")))?;
         }
-        Ok(self.chains.clone())
+        Ok(self.chains.iter().map(ChainConfig::info).collect())
     }
 
     /// What the control loop is told of the robot.
@@ -46,6 +47,9 @@ impl RobotConfig {
         let joints = self.joint_infos(model)?;
         let control = &self.control;
         let each = |rad: f64, m: f64| self.each_joint(&joints, rad, m);
+        let limits = joints.iter().map(|joint| joint.limits).collect();
+        let common = Params::for_joints(limits, control.period())
+            .map_err(|error| self.error(Problem::new("joints", error.to_string())))?;
         Ok(Params {
             start_tolerance: each(control.start_tolerance_rad, control.start_tolerance_m)?,
             tracking_tolerance: each(control.tracking_tolerance_rad, control.tracking_tolerance_m)?,
@@ -53,13 +57,20 @@ impl RobotConfig {
                 control.standstill_velocity_rad_s,
                 control.standstill_velocity_m_s,
             )?,
-            period: control.period(),
             communication_timeout: millis(control.communication_timeout_ms),
             tracking_lag: millis(control.tracking_lag_ms),
             standstill_hold: millis(control.standstill_hold_ms),
             request_timeout: millis(control.request_timeout_ms),
+            stream_timeout: millis(control.stream_timeout_ms),
+            stream_max_age: millis(control.stream_max_age_ms),
             enable_on_start: control.enable_on_start,
-            limits: joints.into_iter().map(|joint| joint.limits).collect(),
+            delegates: control.delegate == Delegate::Auto,
+            homing_timeout: millis(control.homing_timeout_ms),
+            operational_mode: control.operational_mode,
+            reduced: joints.iter().map(|joint| joint.reduced).collect(),
+            home: joints.iter().map(|joint| joint.home).collect(),
+            equipment: Arc::new(self.equipment(model)?.for_loop()),
+            ..common
         })
     }
 
@@ -67,14 +78,16 @@ impl RobotConfig {
     /// of any program has.
     ///
     /// # Errors
-    /// As [`RobotConfig::joint_infos`].
+    /// As [`RobotConfig::joint_infos`] and [`RobotConfig::chain_infos`].
     pub fn driver_setup(
         &self,
         model: &RobotModel,
         boot_nonce: NonZeroU64,
     ) -> Result<DriverSetup, ConfigError> {
         let joints = self.joint_infos(model)?;
-        Ok(DriverSetup { joints, period: self.control.period(), boot_nonce })
+        let chain = |info: &ChainInfo| Chain::new(model, &info.base_link, &info.tip_link).ok();
+        let chains = self.chain_infos(model)?.iter().map(chain).collect();
+        Ok(DriverSetup { joints, chains, period: self.control.period(), boot_nonce })
     }
 
     /// One value for each joint, in its unit.

@@ -98,6 +98,31 @@ fn limits_are_those_of_the_description_as_the_file_narrows_them() {
 }
 
 #[test]
+fn reduced_limits_are_a_quarter_of_the_speed_and_all_of_the_acceleration_unless_given() {
+    let params = parse(ARM).expect("valid").params(&model()).expect("fits");
+    let [turn, slide] = [params.reduced[0], params.reduced[1]];
+    assert_eq!((turn.velocity, turn.acceleration), (0.75, 5.0));
+    assert_eq!((slide.velocity, slide.acceleration), (0.05, 0.5));
+    let given = "rad_s2: 5.0, reduced_velocity_rad_s: 0.5, reduced_acceleration_rad_s2: 2";
+    let params = parse(&ARM.replace("rad_s2: 5.0", given)).expect("valid");
+    let reduced = params.params(&model()).expect("fits").reduced[0];
+    assert_eq!((reduced.velocity, reduced.acceleration), (0.5, 2.0));
+}
+
+#[test]
+fn homes_and_the_operational_mode_reach_the_loop_and_default_to_none() {
+    use armada_protocol::messages::OperationalMode::{Cobot, Undefined};
+    let params = parse(ARM).expect("valid").params(&model()).expect("fits");
+    assert_eq!((params.home, params.operational_mode), (vec![None, None], Undefined));
+    assert_eq!(params.homing_timeout, Duration::from_secs(60));
+    let control = "control: {operational_mode: cobot, homing_timeout_ms: 2000}\ndriver:\n";
+    let text = ARM.replace("m_s2: 0.5", "m_s2: 0.5, home_m: 0.25").replace(DRIVER, control);
+    let params = parse(&text).expect("valid").params(&model()).expect("fits");
+    assert_eq!((params.home, params.operational_mode), (vec![None, Some(0.25)], Cobot));
+    assert_eq!(params.homing_timeout, Duration::from_secs(2));
+}
+
+#[test]
 fn tolerances_of_the_loop_are_in_the_unit_of_each_joint() {
     let params = parse(ARM).expect("valid").params(&model()).expect("fits");
     assert_eq!(&*params.start_tolerance, &[0.02, 0.005]);
@@ -171,6 +196,20 @@ fn limits_that_no_joint_or_not_this_joint_may_have_are_refused() {
         (SLIDE, "slide: { acceleration_m_s2: 1, lower_m: -0.1 }", "-0.1 is below"),
         (SLIDE, "slide: { acceleration_m_s2: 1, lower_m: .nan }", "lower_m: NaN is outside -10000"),
         (SLIDE, "slide: { acceleration_m_s2: 1, lower_m: 0.5 }", "lower 0.5 and upper 0.5"),
+        (SLIDE, "slide: { acceleration_m_s2: 1, home_m: 0.6 }", "0.6 is outside the joint's"),
+        (SLIDE, "slide: { acceleration_m_s2: 1, home_m: .nan }", "home_m: NaN is outside -10000"),
+        (SLIDE, "slide: { acceleration_m_s2: 1, home_rad: 0.1 }", "slides, give home_m"),
+        (
+            SLIDE,
+            "slide: { acceleration_m_s2: 1, reduced_velocity_m_s: 0.3 }",
+            "reduced_velocity_m_s: 0.3 is above the joint's limit 0.2",
+        ),
+        (
+            SLIDE,
+            "slide: { acceleration_m_s2: 1, reduced_acceleration_m_s2: 2 }",
+            "reduced_acceleration_m_s2: 2 is above the joint's limit 1",
+        ),
+        (SLIDE, "slide: { acceleration_m_s2: 1, reduced_velocity_m_s: 0 }", "0 is outside 0"),
         (SLIDE, "glide: { acceleration_m_s2: 1 }", "no such joint, it has turn, slide"),
         (SLIDE, "weld: { acceleration_m_s2: 1 }", "joints.weld: is a fixed joint"),
         (SLIDE, "follow: { acceleration_rad_s2: 1 }", "joints.follow: mimics another joint"),
@@ -204,6 +243,12 @@ fn chains_that_the_description_does_not_have_are_refused() {
 fn values_that_no_loop_may_have_are_refused() {
     check_cases(&[
         (DRIVER, "control: {period_ms: .nan}\ndriver:\n", "control.period_ms: NaN is outside"),
+        (DRIVER, "control: {operational_mode: fast}\ndriver:\n", "fast"),
+        (
+            DRIVER,
+            "control: {homing_timeout_ms: 50}\ndriver:\n",
+            "control.homing_timeout_ms: 50 is outside 100 to 600000",
+        ),
         (DRIVER, "control: {period: 2}\ndriver:\n", "period"),
         (
             DRIVER,
@@ -225,6 +270,31 @@ fn values_that_no_loop_may_have_are_refused() {
             DRIVER,
             "publish: {state_rate_hz: 501}\ndriver:\n",
             "publish.state_rate_hz: 501 is outside 1 to 500",
+        ),
+        (
+            DRIVER,
+            "publish: {state_classes_hz: [10, 501]}\ndriver:\n",
+            "publish.state_classes_hz: 501 is outside 1 to 500",
+        ),
+        (
+            DRIVER,
+            "publish: {state_classes_hz: [10, 1, 10]}\ndriver:\n",
+            "publish.state_classes_hz: 10 is given twice",
+        ),
+        (
+            DRIVER,
+            "publish: {state_classes_hz: [1, 2, 3, 4, 5, 6, 7, 8, 9]}\ndriver:\n",
+            "publish.state_classes_hz: 9 rates, above the limit 8",
+        ),
+        (
+            DRIVER,
+            "control: {stream_timeout_ms: 201}\ndriver:\n",
+            "control.stream_timeout_ms: 201 is outside 8 to 200",
+        ),
+        (
+            DRIVER,
+            "control: {stream_max_age_ms: 10}\ndriver:\n",
+            "control.stream_max_age_ms: 10 is outside 20 to 1000",
         ),
         (DRIVER, "publish: {encoding: xml}\ndriver:\n", "json"),
         (DRIVER, "zenoh: {listen: [localhost]}\ndriver:\n", "zenoh.listen.0: \"localhost\" is not"),
@@ -309,4 +379,10 @@ fn what_is_not_known_is_answered_with_what_is() {
     let vendors = VENDORS.join(", ");
     let expected = format!("arm.yaml:9:3: unknown variant `abb`, expected one of {vendors}\n");
     assert!(message.starts_with(&expected), "{message}");
+}
+
+#[test]
+fn a_slow_loop_has_those_default_rates_of_the_state_that_it_can_keep() {
+    let classes = |rate_hz: f64| PublishConfig::default().state_classes(rate_hz);
+    assert_eq!((classes(500.0), classes(10.0)), (vec![1, 10, 30], vec![1, 10]));
 }

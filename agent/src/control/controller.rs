@@ -17,14 +17,15 @@ use armada_model::MonoTime;
 use armada_protocol::messages::FaultCode;
 use arrayvec::ArrayVec;
 
+use super::faults::refusal_of;
 use super::io::Refusal;
-use super::state::{LoopState, Tick, refusal_of};
+use super::state::{LoopState, Tick};
 use crate::drivers::DriverRequest;
 
 /// Most requests that wait for the controller. The last place is for a disable only.
 const MAX_PENDING: usize = 4;
 /// How soon a request is repeated that shows no effect.
-const REPEAT: Duration = Duration::from_millis(50);
+pub(super) const REPEAT: Duration = Duration::from_millis(50);
 
 /// Requests under way to the controller.
 #[derive(Debug, Default)]
@@ -82,7 +83,7 @@ impl Controller {
     ) -> Result<(), Refusal> {
         let (room, deadline) = match request {
             DriverRequest::Disable => (MAX_PENDING, None),
-            DriverRequest::Enable | DriverRequest::ResetErrors => (MAX_PENDING - 1, Some(until)),
+            _ => (MAX_PENDING - 1, Some(until)),
         };
         if self.pending.len() >= room {
             return Err(Refusal::TooManyPending);
@@ -121,7 +122,7 @@ impl LoopState {
         match request {
             DriverRequest::ResetErrors => self.controller.reset_once = false,
             DriverRequest::Disable => self.start_disable_timers(tick),
-            DriverRequest::Enable => {}
+            _ => {}
         }
         Some(request)
     }
@@ -185,6 +186,7 @@ impl LoopState {
                 let off = self.condition.drives_are_off();
                 !off && (self.stop_wants_drives_off(tick) || (awaited && self.has_settled(tick)))
             }
+            _ => false,
         }
     }
 
@@ -197,6 +199,7 @@ impl LoopState {
             }
             DriverRequest::Disable if self.condition.drives_are_off() => Ok(()),
             DriverRequest::Disable => Err(Refusal::StillEnabled),
+            _ => Ok(()),
         }
     }
 
@@ -213,6 +216,6 @@ const fn index(request: DriverRequest) -> usize {
     match request {
         DriverRequest::Disable => 0,
         DriverRequest::ResetErrors => 1,
-        DriverRequest::Enable => 2,
+        _ => 2,
     }
 }

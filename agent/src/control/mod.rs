@@ -4,12 +4,12 @@
 //!  feedback --verify--> condition, faults --+
 //!  stop gate ---stop--> latched stop -------+--> mode, epoch
 //!  requests -->orders--> motion ------------+       |
-//!                          |                        v
-//!             motion | ramp | hold --set-point--> limit --> controller
+//!  samples ---stream--------+                       v
+//!    motion | stream | ramp | hold --set-point--> limit --> controller
 //! ```
 //!
 //! The phases of [`step`] in this order, one file each: `verify` the feedback, follow the `stop`
-//! gate, take the `orders`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
+//! gate, take the `orders` and the samples of a `stream`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
 //! the `controller` for what it is to switch, and say what happened.
 //!
 //! Invariants, each a test:
@@ -26,25 +26,39 @@
 //! * A motion ends in a ramp from what was sent last, unless the stream breaks off.
 //! * Every request is answered once; every motion has one terminal status.
 
+mod authority;
 mod controller;
+mod equipment;
+mod faults;
+mod flags;
 mod io;
+mod jogging;
 mod limit;
 mod mode;
 mod motion;
+mod operational;
 mod orders;
 mod standstill;
 mod state;
 mod step;
 mod stop;
+mod stream;
 mod tracking;
+mod values;
 mod verify;
 
 #[cfg(test)]
 mod tests;
 
+pub use equipment::{Equipment, EquippedChain, EquippedChainError, MAX_CHAINS, TipState};
+pub use faults::clear_by;
 pub use io::{
-    FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopFault, LoopRequest, MAX_EVENTS,
-    MAX_REQUESTS, MAX_RETIRED, MotionReport, Order, Output, Params, Refusal, Snapshot,
+    DelegateOrder, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder, Input,
+    JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities, LoopEvent,
+    LoopFault, LoopRequest, MAX_EVENTS, MAX_QUEUED, MAX_REQUESTS, MAX_RETIRED, MAX_SAMPLES,
+    MotionReport, Order, Output, Params, REDUCED_SHARE, Refusal, Retired, Snapshot, StreamChange,
+    StreamReport, StreamSample, StreamValues, TwistTarget,
 };
 pub use state::{LoopState, ParamsError};
 pub use step::step;
+pub use values::ValueSlot;

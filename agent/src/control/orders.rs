@@ -2,12 +2,13 @@
 
 use armada_model::MotionState;
 use armada_protocol::messages::{CommandMode, FaultCode};
-use uuid::Uuid;
 
-use super::io::{FollowOrder, JogOrder, LoopRequest, Order, Refusal};
-use super::motion::{End, JogMotion, Motion, Source, StartPoint, TrajectoryMotion};
+use super::authority::Attribution;
+use super::io::{LoopRequest, Order, Refusal, Retired};
+use super::motion::End;
 use super::state::{LoopState, Tick};
-use crate::drivers::DriverRequest;
+use super::values::{ValueOrder, ValuePlace};
+use crate::drivers::{DriverRequest, Values};
 
 /// What becomes of a request that is not refused.
 enum Verdict {
@@ -19,7 +20,12 @@ enum Verdict {
 impl LoopState {
     /// Does what is asked, or says why not.
     pub(super) fn take(&mut self, tick: &mut Tick<'_>, request: LoopRequest) {
-        let LoopRequest { ticket, order } = request;
+        let LoopRequest { ticket, lease, order } = request;
+        let attribution = Attribution::of(&order, lease);
+        if let Err(refusal) = self.check_lease(tick, &order, lease) {
+            give_back(tick, order);
+            return tick.answer(ticket, Err(refusal));
+        }
         let granted = |()| Verdict::Granted;
         let verdict = match order {
             Order::SetMode(mode) => self.set_mode(tick, mode).map(granted),
@@ -30,7 +36,32 @@ impl LoopState {
             Order::Jog(order) => self.jog(tick, &order).map(granted),
             Order::Follow(order) => self.follow(tick, order).map(granted),
             Order::Cancel(id) => self.cancel(tick, id).map(granted),
+            Order::AcquireLease { lease, ttl } => self.acquire_lease(tick, lease, ttl).map(granted),
+            Order::RenewLease(lease) => self.renew_lease(tick, lease).map(granted),
+            Order::ReleaseLease(lease) => self.release_lease(tick, lease).map(granted),
+            Order::Home(order) => self.home(tick, &order).map(granted),
+            Order::JogJoint(order) => self.jog_joint(tick, &order).map(granted),
+            Order::JogCartesian(order) => self.jog_cartesian(tick, &order).map(granted),
+            Order::Delegate(order) => self.delegate(tick, &order).map(granted),
+            Order::Pause(id) => self.set_paused(tick, id, true).map(granted),
+            Order::Resume(id) => self.set_paused(tick, id, false).map(granted),
+            Order::SetSpeedRatio(ratio) => self.set_speed_ratio(tick, ratio).map(granted),
+            Order::SetEquipment(order) => self.set_equipment(tick, order).map(granted),
+            Order::SetSignal { signal, values, restricted } => {
+                let place = ValuePlace::Signal(signal);
+                let order = ValueOrder { place, values, restricted };
+                self.set_value(tick, ticket, order).map(|()| Verdict::Waiting)
+            }
+            Order::SetParameter { parameter, value, restricted } => {
+                let place = ValuePlace::Parameter(parameter);
+                let values = Values::from_slice(&[value]).unwrap_or_default();
+                let order = ValueOrder { place, values, restricted };
+                self.set_value(tick, ticket, order).map(|()| Verdict::Waiting)
+            }
         };
+        if verdict.is_ok() {
+            self.attribute(tick, attribution);
+        }
         match verdict {
             Ok(Verdict::Granted) => tick.answer(ticket, Ok(self.granted())),
             Ok(Verdict::Waiting) => {}
@@ -92,69 +123,8 @@ impl LoopState {
         }
     }
 
-    fn jog(&mut self, tick: &mut Tick<'_>, order: &JogOrder) -> Result<(), Refusal> {
-        self.check_motion_mode(CommandMode::Jog)?;
-        let running = self.motion.as_ref().filter(|_| self.ramp.is_none());
-        if running.is_some_and(|motion| motion.id == order.id) {
-            // A motion has one terminal status, so one identity cannot end and go on.
-            return Err(Refusal::Busy(order.id));
-        }
-        let start = match running.map(|motion| &motion.source) {
-            // On the curve, not between the set-points: so its velocity stays continuous.
-            Some(Source::Jog(jog)) => jog.state(tick.period_s()),
-            _ => self.rest()?,
-        };
-        let jog = JogMotion::plan(order, &start, &self.limits)?;
-        self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
-        self.motion = Some(Motion::new(order.id, Source::Jog(jog)));
-        Ok(())
-    }
-
-    fn follow(&mut self, tick: &mut Tick<'_>, order: FollowOrder) -> Result<(), Refusal> {
-        match self.plan_to_follow(tick, &order) {
-            Ok(trajectory) => {
-                self.motion = Some(Motion::new(order.id, Source::Trajectory(trajectory)));
-                Ok(())
-            }
-            Err(refusal) => {
-                tick.retire(order.trajectory);
-                Err(refusal)
-            }
-        }
-    }
-
-    fn plan_to_follow(
-        &self,
-        tick: &Tick<'_>,
-        order: &FollowOrder,
-    ) -> Result<TrajectoryMotion, Refusal> {
-        self.check_gate()?;
-        if let Some(given) = order.epoch.filter(|&given| given != self.epoch) {
-            return Err(Refusal::EpochPassed { given, current: self.epoch });
-        }
-        self.check_motion_mode(CommandMode::Trajectory)?;
-        if let Some(motion) = self.motion.as_ref().filter(|_| self.ramp.is_none()) {
-            return Err(Refusal::Busy(motion.id));
-        }
-        let held = self.rest()?;
-        let measured = self.condition.feedback().ok_or(Refusal::CommunicationLost)?;
-        let from = StartPoint { held: &held, measured: &measured.joint_position };
-        TrajectoryMotion::plan(order, &from, &self.limits, tick)
-    }
-
-    fn cancel(&mut self, tick: &mut Tick<'_>, id: Uuid) -> Result<(), Refusal> {
-        let motion = self.motion.as_mut().filter(|motion| motion.id == id);
-        let motion = motion.ok_or(Refusal::NoSuchMotion)?;
-        motion.cancelling = true;
-        self.decelerate(tick);
-        if self.ramp.is_none() {
-            self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
-        }
-        Ok(())
-    }
-
     /// The state a motion begins in that does not follow another.
-    fn rest(&self) -> Result<MotionState, Refusal> {
+    pub(super) fn rest(&self) -> Result<MotionState, Refusal> {
         self.check_standing()?;
         let last = self.limiter.last().ok_or(Refusal::NotReady)?;
         Ok(MotionState { position: last.position, velocity: last.velocity.map_indexed(|_, _| 0.0) })
@@ -166,5 +136,14 @@ impl LoopState {
         } else {
             Refusal::CommunicationLost
         }
+    }
+}
+
+/// Gives what an order owns back, if it is refused before it is looked at.
+fn give_back(tick: &mut Tick<'_>, order: Order) {
+    match order {
+        Order::Follow(order) => tick.retire(Retired::Trajectory(order.trajectory)),
+        Order::SetEquipment(order) => tick.retire(Retired::Equipment(order.equipment)),
+        _ => {}
     }
 }

@@ -3,28 +3,33 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use armada_model::{
-    CompiledTrajectory, JointVector, MonoTime, MotionLimits, MotionLimitsError, StopRamp,
-};
-use armada_protocol::messages::{CommandMode, FaultCode};
+use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError};
+use armada_protocol::messages::CommandMode;
 use arrayvec::ArrayVec;
 
+use super::authority::Authority;
 use super::controller::Controller;
-use super::io::{Granted, LoopEvent, LoopFault, Output, Params, Refusal};
+use super::equipment::{Equipment, OwedLoads};
+use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
-use super::motion::{End, Motion};
+use super::motion::{Brake, End, Motion, OwnMotion, Waiting};
+use super::operational::reduced_limits;
 use super::standstill::Standstill;
 use super::stop::Stop;
+use super::stream::Stream;
 use super::tracking::Tracking;
+use super::values::PendingValues;
 use super::verify::Condition;
 
 /// Most faults that can be latched: one of each kind.
-pub(super) const MAX_FAULTS: usize = 6;
+pub(super) const MAX_FAULTS: usize = 10;
 
 /// What the loop remembers from tick to tick.
 #[derive(Debug)]
 pub struct LoopState {
     pub(super) limits: MotionLimits,
+    /// Limits at reduced speed; see [`limits_in_force`](Self::limits_in_force).
+    pub(super) reduced: MotionLimits,
     pub(super) seqno: u64,
     /// Changed by [`raise_epoch`](Self::raise_epoch) only.
     pub(super) epoch: u64,
@@ -34,14 +39,26 @@ pub struct LoopState {
     /// Latched faults, oldest first.
     pub(super) faults: ArrayVec<LoopFault, MAX_FAULTS>,
     pub(super) stop: Stop,
+    pub(super) authority: Authority,
     pub(super) controller: Controller,
     pub(super) standstill: Standstill,
     pub(super) tracking: Tracking,
     pub(super) limiter: Limiter,
     /// Where the robot is held while neither ramp nor motion is in progress.
     pub(super) hold: JointVector,
-    pub(super) ramp: Option<StopRamp>,
+    pub(super) ramp: Option<Brake>,
     pub(super) motion: Option<Motion>,
+    pub(super) stream: Stream,
+    /// What waits for its end, in order; empty if there is no motion.
+    pub(super) queue: ArrayVec<Waiting, MAX_QUEUED>,
+    /// What the controller is told about motions that it makes itself.
+    pub(super) own_motion: OwnMotion,
+    /// Speed of all motions, 0.01 to 1.
+    pub(super) speed_ratio: f64,
+    /// The chains with their tools.
+    pub(super) equipment: Arc<Equipment>,
+    pub(super) owed_loads: OwedLoads,
+    pub(super) values: PendingValues,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -89,10 +106,10 @@ impl Tick<'_> {
         self.event(LoopEvent::Answer { ticket, result });
     }
 
-    /// Gives a trajectory back, so that it is not freed in the loop.
-    pub(super) fn retire(&mut self, trajectory: Arc<CompiledTrajectory>) {
-        let pushed = self.output.retired.try_push(trajectory);
-        debug_assert!(pushed.is_ok(), "more trajectories in a tick than MAX_RETIRED");
+    /// Gives something on the heap back, so that it is not freed in the loop.
+    pub(super) fn retire(&mut self, retired: Retired) {
+        let pushed = self.output.retired.try_push(retired);
+        debug_assert!(pushed.is_ok(), "more is given back in a tick than MAX_RETIRED");
     }
 
     pub(super) const fn period_s(&self) -> f64 {
@@ -110,6 +127,7 @@ impl LoopState {
     /// [`ParamsError::Period`] if the period is zero or longer than the communication timeout.
     pub fn new(params: &Params) -> Result<Self, ParamsError> {
         let limits = MotionLimits::new(&params.limits)?;
+        let reduced = reduced_limits(params)?;
         let expected = limits.len();
         for (field, vector) in [
             ("start_tolerance", &params.start_tolerance),
@@ -127,12 +145,14 @@ impl LoopState {
         }
         Ok(Self {
             limits,
+            reduced,
             seqno: 0,
             epoch: 0,
             mode: CommandMode::InvalidState,
             condition: Condition::default(),
             faults: ArrayVec::new(),
             stop: Stop::default(),
+            authority: Authority::default(),
             controller: Controller::default(),
             standstill: Standstill::default(),
             tracking: Tracking::new(params),
@@ -140,6 +160,13 @@ impl LoopState {
             hold: JointVector::EMPTY,
             ramp: None,
             motion: None,
+            stream: Stream::new(params),
+            queue: ArrayVec::new(),
+            own_motion: OwnMotion::default(),
+            speed_ratio: 1.0,
+            equipment: Arc::clone(&params.equipment),
+            owed_loads: OwedLoads::ALL,
+            values: PendingValues::default(),
         })
     }
 
@@ -147,11 +174,15 @@ impl LoopState {
         Granted { epoch: self.epoch, command_mode: self.mode }
     }
 
-    /// Raises the epoch, which ends the motion of the epoch before.
+    /// Raises the epoch, which ends the motion and the stream of the epoch before.
     pub(super) fn raise_epoch(&mut self, tick: &mut Tick<'_>, end: End) {
         self.epoch += 1;
         self.end_motion(tick, end);
+        self.end_stream(tick);
         self.decelerate(tick);
+        if end.is_urgent() {
+            self.hurry(tick);
+        }
     }
 
     /// Enters `mode` in a new epoch; `end` is what becomes of the motion of the old one.
@@ -160,50 +191,10 @@ impl LoopState {
         self.enter(tick, mode);
     }
 
-    /// Latches a fault: the motion fails, the robot decelerates, the mode is invalid.
-    pub(super) fn latch(&mut self, tick: &mut Tick<'_>, fault: LoopFault) {
-        let known = self.faults.iter().any(|latched| latched.code == fault.code);
-        if known || self.faults.try_push(fault).is_err() {
-            return;
-        }
-        tick.event(LoopEvent::FaultLatched(fault));
-        self.raise_epoch(tick, End::Failed(refusal_of(fault.code)));
-        self.enter(tick, CommandMode::InvalidState);
-        self.fail_pending(tick, fault.code);
-    }
-
-    /// Clears all faults; the caller has seen to it that no cause remains.
-    pub(super) fn clear_faults(&mut self, tick: &mut Tick<'_>) {
-        if self.faults.is_empty() {
-            return;
-        }
-        self.faults.clear();
-        tick.event(LoopEvent::FaultsCleared);
-        self.change_mode(tick, CommandMode::Halt, End::Cancelled(Refusal::ModeLeft));
-        self.reseed(tick);
-    }
-
-    /// Why nothing is possible in `invalid_state`.
-    pub(super) fn invalid_because(&self) -> Refusal {
-        match self.faults.first() {
-            _ if self.condition.feedback().is_none() => Refusal::CommunicationLost,
-            Some(fault) => Refusal::Faulted(fault.code),
-            None => Refusal::NotReady,
-        }
-    }
-
     fn enter(&mut self, tick: &mut Tick<'_>, mode: CommandMode) {
         let from = std::mem::replace(&mut self.mode, mode);
         if from != mode {
             tick.event(LoopEvent::Mode { from, to: mode });
         }
-    }
-}
-
-/// What a fault means for whoever wanted to move.
-pub(super) const fn refusal_of(code: FaultCode) -> Refusal {
-    match code {
-        FaultCode::CommunicationLost => Refusal::CommunicationLost,
-        code => Refusal::Faulted(code),
     }
 }

@@ -1,12 +1,12 @@
 //! The phases of a tick, in their order.
 
 use armada_model::{JointVector, MonoTime};
-use armada_protocol::messages::{MotionKind, RobotFlags};
+use armada_protocol::messages::MotionProgress;
 use arrayvec::ArrayVec;
 
 use super::io::{Input, Output, Params, Snapshot};
 use super::state::{LoopState, Tick};
-use crate::drivers::{Feedback, SetPoint};
+use crate::drivers::{Feedback, MAX_REPORTED_TIPS, SetPoint, Values};
 
 /// Runs one tick of the loop: takes the requests out of `input`, and tells what is to be sent.
 ///
@@ -26,15 +26,22 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     state.seqno += 1;
     state.verify(&mut tick, input.feedback.as_ref());
     state.follow_stop(&mut tick, input.stop);
-    state.keep_stream(&tick);
+    state.watch_lease(&mut tick);
+    state.keep_stream(&mut tick);
     for request in input.requests.drain(..) {
         state.take(&mut tick, request);
     }
+    state.take_samples(&mut tick, input.stream.drain(..));
     tick.output.command = state.set_point(&mut tick);
     state.watch_standstill(&tick);
-    tick.output.driver_request = state.controller_request(&tick);
+    tick.output.driver_request = state
+        .controller_request(&tick)
+        .or_else(|| state.own_motion_request(&tick))
+        .or_else(|| state.value_request(tick.now))
+        .or_else(|| state.load_request(&tick));
     state.climb(&mut tick);
     state.answer_pending(&mut tick);
+    state.answer_values(&mut tick);
     output.snapshot = state.snapshot(params, now, output.command.as_ref());
     output
 }
@@ -61,35 +68,27 @@ impl LoopState {
             seqno: self.seqno,
             epoch: self.epoch,
             command_mode: self.mode,
-            operational_mode: self.condition.operational_mode(),
-            controller_state: self.condition.controller_state(),
+            operational_mode: self.operational_mode(params),
+            controller_state: self.controller_state(),
             flags: self.flags(),
             joint_position: measured(|feedback| feedback.joint_position),
             joint_velocity: measured(|feedback| feedback.joint_velocity),
             joint_effort: measured(|feedback| feedback.joint_effort),
             joint_position_command,
             joint_velocity_command,
-            motion: self.motion.as_ref().map(|motion| motion.progress(period_s)),
+            motion: self.motion.as_ref().map(|motion| MotionProgress {
+                queued: u32::try_from(self.waiting_count()).unwrap_or(u32::MAX),
+                ..motion.progress(period_s)
+            }),
             limited_setpoints: self.limiter.changed(),
+            speed_ratio: self.speed_ratio,
+            lease: self.authority.report(),
+            stream: self.stream.report(),
+            dropped_samples: self.stream.dropped(),
+            config_seqno: self.equipment.config_seqno,
+            signals: feedback.map_or(Values::EMPTY, |feedback| feedback.signals),
+            parameters: feedback.map_or(Values::EMPTY, |feedback| feedback.parameters),
+            tips: feedback.map_or([None; MAX_REPORTED_TIPS], |feedback| feedback.tips),
         }
-    }
-
-    fn flags(&self) -> RobotFlags {
-        let feedback = self.condition.feedback();
-        let is = |of: fn(&Feedback) -> bool| feedback.is_some_and(of);
-        let stopped = self.stop.level().is_some();
-        let following = self
-            .motion
-            .as_ref()
-            .is_some_and(|motion| motion.kind() == MotionKind::Trajectory && motion.is_moving());
-        RobotFlags::NONE
-            .with(RobotFlags::ERROR, !self.faults.is_empty() || is(|f| f.error_code != 0))
-            .with(RobotFlags::ESTOP, stopped || is(|f| f.emergency_stop))
-            .with(RobotFlags::ESTOP_SOFTWARE, stopped)
-            .with(RobotFlags::ESTOP_INTERNAL, is(|f| f.emergency_stop))
-            .with(RobotFlags::ENABLED, is(|f| f.enabled))
-            .with(RobotFlags::READY, is(|f| f.ready))
-            .with(RobotFlags::COMMUNICATION_FAILURE, feedback.is_none())
-            .with(RobotFlags::TRAJECTORY_RUNNING, following)
     }
 }

@@ -89,7 +89,10 @@ impl LoopState {
             return;
         }
         let sent = tick.output.command.is_some()
-            || tick.output.driver_request == Some(DriverRequest::Disable);
+            || matches!(
+                tick.output.driver_request,
+                Some(DriverRequest::Disable | DriverRequest::StopMotion)
+            );
         let stages = [
             (StopStage::Commanded, sent || !self.condition.follows()),
             (StopStage::Standstill, self.standstill.is_shown(tick.params)),
@@ -109,6 +112,7 @@ impl LoopState {
 
     fn close_gate(&mut self, tick: &mut Tick<'_>, level: StopLevel) {
         self.stop = Stop { level: Some(level), stage: None };
+        self.clear_lease(tick);
         self.standstill.restart();
         self.controller.ask_at_once(DriverRequest::Disable);
         let why = Refusal::Stopped(level);

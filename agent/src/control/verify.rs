@@ -11,12 +11,20 @@
 //! the timeout is one. A report that is not of this robot's number of joints, or not finite, is
 //! not taken: if no better one follows, it ends as a loss of communication.
 //!
-//! Faults latch. Drives that go off, or a controller that stops taking commands, are a fault in a
-//! motion mode only: in halt the flags tell.
+//! Faults latch; see [`faults`](super::faults) for what clears them. Drives that go off, or a
+//! controller that stops taking commands, are a fault in a motion mode only: in halt the flags
+//! tell. In mode `homing` the controller need not take commands, and while it moves joints to
+//! their references, it is not compared with set-points.
+//!
+//! What differs from Robot Raconteur's abstract robot: its first 250 ms are healthy without data,
+//! it leaves `invalid_state` by itself, and its streams are stale after ten steps, however long
+//! those take. Here nothing is known before the first report, faults latch, and every age is a
+//! time. Alike: a report exactly as old as the timeout is young enough, and without reports the
+//! operational mode and the controller's state are `undefined` and the joint arrays empty.
 
-use armada_model::MonoTime;
-use armada_protocol::messages::{CommandMode, ControllerState, FaultCode, OperationalMode};
+use armada_protocol::messages::{CommandMode, FaultCode, OperationalMode, RobotFlags};
 
+use super::faults::fault;
 use super::io::{LoopFault, Refusal};
 use super::motion::End;
 use super::state::{LoopState, Tick};
@@ -31,6 +39,8 @@ pub(super) struct Condition {
     fresh: bool,
     /// Whether the loop has left its first `invalid_state`, or found a fault in it.
     started: bool,
+    /// The operational mode when the controller was last heard.
+    pub(super) key_switch: Option<OperationalMode>,
 }
 
 impl Condition {
@@ -54,6 +64,11 @@ impl Condition {
         self.feedback().is_some_and(|feedback| feedback.enabled && feedback.ready)
     }
 
+    /// Whether the controller can do what `mode` is for: a search of references needs drives only.
+    pub(super) fn serves(&self, mode: CommandMode) -> bool {
+        if mode == CommandMode::Homing { self.is_enabled() } else { self.follows() }
+    }
+
     /// Why the robot cannot be moved, if so.
     pub(super) fn check_follows(&self) -> Result<(), Refusal> {
         match self.feedback() {
@@ -62,21 +77,6 @@ impl Condition {
             Some(feedback) if !feedback.ready => Err(Refusal::NotReady),
             Some(_) => Ok(()),
         }
-    }
-
-    pub(super) fn controller_state(&self) -> ControllerState {
-        match self.feedback() {
-            None => ControllerState::Undefined,
-            Some(feedback) if feedback.emergency_stop => ControllerState::EmergencyStop,
-            Some(feedback) if feedback.error_code != 0 => ControllerState::GuardStop,
-            Some(feedback) if !feedback.enabled => ControllerState::MotorOff,
-            Some(feedback) if !feedback.ready => ControllerState::GuardStop,
-            Some(_) => ControllerState::MotorOn,
-        }
-    }
-
-    pub(super) fn operational_mode(&self) -> OperationalMode {
-        self.feedback().map_or(OperationalMode::Undefined, |feedback| feedback.operational_mode)
     }
 
     /// Takes what the driver has; returns its age at `now`.
@@ -104,36 +104,25 @@ impl LoopState {
         if feedback.emergency_stop {
             self.latch(tick, fault(FaultCode::EmergencyStop, tick.now, 1.0));
         }
+        if feedback.guard_stop {
+            self.latch(tick, fault(FaultCode::GuardStop, tick.now, 1.0));
+        }
+        if feedback.conditions.contains(RobotFlags::FATAL_ERROR) {
+            self.latch(tick, fault(FaultCode::FatalError, tick.now, 1.0));
+        }
         if feedback.error_code != 0 {
             let code = f64::from(feedback.error_code);
             self.latch(tick, fault(FaultCode::ControllerError, tick.now, code));
         }
         if is_motion_mode(self.mode) {
-            if self.condition.follows() {
-                self.verify_tracking(tick, &feedback);
-            } else {
+            if !self.condition.serves(self.mode) {
                 self.latch(tick, fault(FaultCode::NotReady, tick.now, 0.0));
+            } else if feedback.homing.is_empty() {
+                self.verify_tracking(tick, &feedback);
             }
         }
+        self.follow_key_switch(tick);
         self.start_up(tick, &feedback);
-    }
-
-    /// A fault whose cause is still there, of which a reset would be a lie.
-    pub(super) fn remaining_cause(&self, tick: &Tick<'_>) -> Option<FaultCode> {
-        let Some(feedback) = self.condition.feedback() else {
-            return Some(FaultCode::CommunicationLost);
-        };
-        let tracking = FaultCode::TrackingError;
-        let still_ramping =
-            self.ramp.is_some() && self.faults.iter().any(|fault| fault.code == tracking);
-        [
-            (feedback.emergency_stop, FaultCode::EmergencyStop),
-            (feedback.error_code != 0, FaultCode::ControllerError),
-            (tick.loop_error, FaultCode::LoopError),
-            (still_ramping, tracking),
-        ]
-        .into_iter()
-        .find_map(|(present, code)| present.then_some(code))
     }
 
     fn verify_silence(&mut self, tick: &mut Tick<'_>) {
@@ -151,7 +140,7 @@ impl LoopState {
             return;
         }
         if let Some(excess) = self.tracking.excess(tick.params, feedback) {
-            let fault = fault(FaultCode::TrackingError, tick.now, excess.error);
+            let fault = fault(excess.code, tick.now, excess.error);
             self.latch(tick, LoopFault { joint: Some(excess.joint), limit: excess.limit, ..fault });
         }
     }
@@ -171,10 +160,6 @@ impl LoopState {
 /// Whether `mode` is one in which the robot may be moved.
 pub(super) const fn is_motion_mode(mode: CommandMode) -> bool {
     !matches!(mode, CommandMode::InvalidState | CommandMode::Halt)
-}
-
-pub(super) const fn fault(code: FaultCode, stamp: MonoTime, value: f64) -> LoopFault {
-    LoopFault { code, stamp, joint: None, value, limit: 0.0 }
 }
 
 fn is_usable(feedback: &Feedback, joints: usize) -> bool {

@@ -9,14 +9,22 @@
 //! `wire.rs` the controller's packets, `driver.rs` the client's side, `emulator.rs` the
 //! controller's side. A vendor comes in by one line of `vendors!` at the end of this file.
 
+mod ability;
+mod request;
 mod vendors;
 
 use std::net::SocketAddr;
 use std::num::NonZeroU64;
 use std::time::Duration;
 
-use armada_model::{JointVector, MAX_JOINTS, MonoTime};
-use armada_protocol::messages::{JointInfo, OperationalMode};
+use armada_model::{Chain, JointVector, MAX_JOINTS, MonoTime};
+use armada_protocol::messages::{JointInfo, OperationalMode, RobotFlags};
+
+pub use ability::{Abilities, MAX_PARAMETERS, MAX_SIGNAL_VALUES};
+pub use request::{
+    DelegatedGoal, DelegatedMove, DelegatedReport, DelegatedStatus, DriverRequest, JointSet,
+    LoadSetting, MAX_REPORTED_TIPS, ReportedTip, TipFrame, Values,
+};
 use vendors::vendors;
 
 /// Largest packet a driver or emulator sends or takes \[bytes\].
@@ -43,6 +51,64 @@ pub struct Feedback {
     pub error_code: u32,
     /// The controller's key switch.
     pub operational_mode: OperationalMode,
+    /// A safeguard of the controller is open: it stopped the robot, or limits it to nothing.
+    pub guard_stop: bool,
+    /// Conditions that only the controller knows, of [`Feedback::CONDITIONS`]: which button or
+    /// guard, the enabling switch, a fatal error, a released emergency stop.
+    pub conditions: RobotFlags,
+    /// Joints that know their reference; every joint if the controller needs no homing.
+    pub homed: JointSet,
+    /// Joints that are searching their reference now.
+    pub homing: JointSet,
+    /// What has become of the newest delegated move.
+    pub delegated: Option<DelegatedReport>,
+    /// Values of the signals, in the order of [`Abilities::signals`], each with its size.
+    pub signals: Values<MAX_SIGNAL_VALUES>,
+    /// Values of the parameters, in the order of [`Abilities::parameters`].
+    pub parameters: Values<MAX_PARAMETERS>,
+    /// Poses that the controller reports itself; those of chains that are not named are calculated.
+    pub tips: [Option<ReportedTip>; MAX_REPORTED_TIPS],
+}
+
+impl Feedback {
+    /// The flags that a controller may report in [`Feedback::conditions`]; others are not taken.
+    pub const CONDITIONS: RobotFlags = RobotFlags::FATAL_ERROR
+        .with(RobotFlags::ESTOP_BUTTON1, true)
+        .with(RobotFlags::ESTOP_BUTTON2, true)
+        .with(RobotFlags::ESTOP_BUTTON3, true)
+        .with(RobotFlags::ESTOP_BUTTON4, true)
+        .with(RobotFlags::ESTOP_GUARD1, true)
+        .with(RobotFlags::ESTOP_GUARD2, true)
+        .with(RobotFlags::ESTOP_GUARD3, true)
+        .with(RobotFlags::ESTOP_GUARD4, true)
+        .with(RobotFlags::ESTOP_FAULT, true)
+        .with(RobotFlags::ESTOP_OTHER, true)
+        .with(RobotFlags::ESTOP_RELEASED, true)
+        .with(RobotFlags::ENABLING_SWITCH, true);
+
+    /// A report of joints at rest, drives off, nothing else known: to be filled in.
+    #[must_use]
+    pub fn of(stamp: MonoTime, joint_position: JointVector) -> Self {
+        Self {
+            stamp,
+            joint_position,
+            joint_velocity: JointVector::EMPTY,
+            joint_effort: JointVector::EMPTY,
+            enabled: false,
+            ready: false,
+            emergency_stop: false,
+            error_code: 0,
+            operational_mode: OperationalMode::Undefined,
+            guard_stop: false,
+            conditions: RobotFlags::NONE,
+            homed: JointSet::first(joint_position.len()),
+            homing: JointSet::NONE,
+            delegated: None,
+            signals: Values::EMPTY,
+            parameters: Values::EMPTY,
+            tips: [None; MAX_REPORTED_TIPS],
+        }
+    }
 }
 
 /// One set-point of all joints.
@@ -52,17 +118,6 @@ pub struct SetPoint {
     pub joint_position: JointVector,
     /// Speeds that go with them \[1/s\].
     pub joint_velocity: JointVector,
-}
-
-/// Something a controller is asked to do besides moving.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DriverRequest {
-    /// Switch the drives on.
-    Enable,
-    /// Switch the drives off.
-    Disable,
-    /// Clear errors whose cause is gone.
-    ResetErrors,
 }
 
 /// What sets the pace of the control loop.
@@ -136,10 +191,12 @@ pub enum LinkRefusal {
 }
 
 /// What a driver or an emulator is told of the robot it serves.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct DriverSetup {
     /// The joints in the order of every vector; each with an acceleration limit.
     pub joints: Vec<JointInfo>,
+    /// The chains in the order of the robot file; `None` for one that no driven joint moves.
+    pub chains: Vec<Option<Chain>>,
     /// Period of the control loop.
     pub period: Duration,
     /// A number that no other run of this or another program has, so that the two sides of a
@@ -199,6 +256,9 @@ pub trait Driver: Send {
 
     /// What sets the pace of the loop.
     fn pacing(&self) -> Pacing;
+
+    /// What the controller can do besides following set-points, always the same.
+    fn abilities(&self) -> Abilities;
 
     /// Takes one packet from the controller; one that is malformed is counted and dropped.
     fn receive(&mut self, now: MonoTime, endpoint: usize, bytes: &[u8]);

@@ -8,14 +8,17 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use armada_model::MonoTime;
 use armada_protocol::messages::{
-    CommandMode, DenialCode, Fault, FaultCode, LatchedStop, LoopStatistics, RobotFlags,
-    RobotStatus, StopLatch, StopLevel, StopStage,
+    ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, LatchedStop, LoopStatistics,
+    RobotFlags, RobotStatus, StopLatch, StopLevel, StopStage, StreamStatistics,
 };
 use uuid::Uuid;
 
+use super::connected::Connected;
+use super::leases::Leases;
 use super::motion_log::MotionLog;
 use super::words::Vocabulary;
-use crate::control::{Granted, Refusal, Snapshot};
+use crate::control::{DroppedSamples, Granted, Refusal, Snapshot, StreamReport};
+use crate::drivers::LinkRefusal;
 use tokio::sync::oneshot;
 
 /// The board behind its lock.
@@ -40,7 +43,11 @@ pub(super) struct Board {
     pub(super) boot_id: Uuid,
     pub(super) snapshot: Snapshot,
     pub(super) motions: MotionLog,
+    pub(super) connected: Connected,
     pub(super) faults: Vec<Fault>,
+    pub(super) leases: Leases,
+    /// Why the controller does not serve this client, if it says so.
+    pub(super) link_refusal: Option<LinkRefusal>,
     pub(super) stop: Option<StopRecord>,
     /// Stages the loop has reported since the gate was closed, with their times.
     pub(super) stages: Vec<(StopStage, MonoTime)>,
@@ -79,7 +86,10 @@ impl Board {
             boot_id,
             snapshot,
             motions: MotionLog::default(),
+            connected: Connected::default(),
             faults: Vec::new(),
+            leases: Leases::default(),
+            link_refusal: None,
             stop: None,
             stages: Vec::new(),
             statistics: LoopStatistics::default(),
@@ -104,6 +114,20 @@ impl Board {
     /// Counts a refused request by its code.
     pub(super) fn count_denied(&mut self, code: DenialCode) {
         self.count_dropped(&format!("denied_{code}"));
+    }
+
+    /// The denial that a refusal of the loop means, with the name of who holds the lease.
+    pub(super) fn denial(&self, refusal: &Refusal) -> Denial {
+        let held = self.snapshot.lease.map(|report| self.leases.name(report.lease));
+        match (refusal, held) {
+            (&Refusal::LeaseRequired { remaining_s }, Some(holder)) => {
+                self.vocabulary.driven_by(holder, remaining_s)
+            }
+            (Refusal::LeaseStale, Some(holder)) => {
+                self.vocabulary.denial(refusal).with("holder", holder)
+            }
+            _ => self.vocabulary.denial(refusal),
+        }
     }
 
     /// A place for the loop's answer, with the ticket that leads to it.
@@ -131,21 +155,51 @@ impl Board {
             flags: snapshot.flags,
             stop: self.stop.as_ref().map(StopRecord::latch),
             faults: self.all_faults(),
-            lease: None,
-            motion: self.motions.current().cloned(),
+            lease: snapshot.lease.map(|report| self.leases.lease(&report, now)),
+            motion: self.motions.current(snapshot.motion.map(|motion| motion.id)).cloned(),
+            queued: self.motions.waiting(snapshot.motion.map(|motion| motion.id)),
+            stream: snapshot.stream.map(|stream| statistics(&stream, now)),
             control_loop: self.statistics,
-            dropped: self.dropped.iter().map(|(what, count)| (what.clone(), *count)).collect(),
+            dropped: self.all_dropped(),
             next: self.next_steps(),
         }
     }
 
+    /// What was dropped or refused, here and in the loop.
+    fn all_dropped(&self) -> Vec<(String, u64)> {
+        let DroppedSamples { lease, epoch, sequence, age, mode, values } =
+            self.snapshot.dropped_samples;
+        let in_loop = [
+            ("stream_lease", lease),
+            ("stream_epoch", epoch),
+            ("stream_sequence", sequence),
+            ("stream_age", age),
+            ("stream_mode", mode),
+            ("stream_values", values),
+        ];
+        let in_loop = in_loop.into_iter().filter(|(_, count)| *count > 0);
+        let mut all = self.dropped.clone();
+        all.extend(in_loop.map(|(what, count)| (what.to_owned(), count)));
+        all.into_iter().collect()
+    }
+
     fn all_faults(&self) -> Vec<Fault> {
         let mut faults = self.faults.clone();
+        let silent = faults.iter_mut().find(|fault| fault.code == FaultCode::CommunicationLost);
+        if let (Some(fault), Some(refusal)) = (silent, self.link_refusal) {
+            fault.message = format!("{}: {refusal}", fault.message);
+        }
         let told = faults.iter().any(|fault| fault.code == FaultCode::LoopError);
         if self.panics > 0 && !told {
             faults.push(Fault {
                 code: FaultCode::LoopError,
                 message: format!("{} steps of the control loop panicked", self.panics),
+                joint: None,
+                value: self.panics as f64,
+                limit: 0.0,
+                clear: ClearBy::ResetErrors,
+                remedy: "report the defect; restart the agent if it stays".to_owned(),
+                recording: None,
                 since_ns: self.snapshot.stamp,
             });
         }
@@ -161,10 +215,15 @@ impl Board {
             next.push(format!("see that it is safe, then: armada reset {robot}"));
         }
         if flags.contains(RobotFlags::COMMUNICATION_FAILURE) {
-            next.push("check that the controller runs and its address is right".to_owned());
+            next.push(match self.link_refusal {
+                Some(refusal) => format!("{refusal}: put that right"),
+                None => "check that the controller runs and its address is right".to_owned(),
+            });
         }
-        if !self.faults.is_empty() {
-            next.push(format!("put the faults right, then: armada reset-errors {robot}"));
+        for fault in &self.faults {
+            if !next.contains(&fault.remedy) {
+                next.push(fault.remedy.clone());
+            }
         }
         if !next.is_empty() {
             return next;
@@ -176,6 +235,12 @@ impl Board {
             CommandMode::Halt => vec!["set a mode and move, or: armada move".to_owned()],
             CommandMode::Jog => vec!["jog_freespace, or set mode halt".to_owned()],
             CommandMode::Trajectory => vec!["execute_trajectory, or set mode halt".to_owned()],
+            CommandMode::PositionCommand => {
+                vec!["stream positions under a lease, or set mode halt".to_owned()]
+            }
+            CommandMode::VelocityCommand => {
+                vec!["stream velocities under a lease, or set mode halt".to_owned()]
+            }
             _ => Vec::new(),
         }
     }
@@ -186,4 +251,11 @@ impl StopRecord {
         let stops = self.stops.iter().map(|received| received.stop.clone()).collect();
         StopLatch { level: self.level, stops, stage: self.stage }
     }
+}
+
+/// The stream in progress, as it is at `now`.
+fn statistics(stream: &StreamReport, now: MonoTime) -> StreamStatistics {
+    let StreamReport { taken, dropped, limited, newest, starved } = *stream;
+    let age_ms = now.saturating_since(newest).as_secs_f64() * 1e3;
+    StreamStatistics { taken, dropped, limited, age_ms, starved }
 }

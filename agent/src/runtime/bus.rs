@@ -28,7 +28,6 @@ const COMPANY_PATIENCE: Duration = Duration::from_millis(500);
 pub(super) struct Keys {
     _stop: StopIntake,
     _servers: Vec<RpcServer>,
-    _info: Cached,
     _alive: LivelinessToken,
 }
 
@@ -111,30 +110,29 @@ pub(super) async fn open_keys(
 ) -> Result<Keys, AgentError> {
     let name = &robot.config.robot;
     let boot_id = requests.boot_id;
-    let info = robot.info(boot_id);
+    let equipment = Arc::clone(&requests.equipment);
     let rpc = keys::ROBOT_RPC.of(name);
     let prefix = rpc.trim_end_matches("/*");
     let asked_board = Arc::clone(board);
     let status = move || Ok(asked_board.lock().status(monotonic()));
     let clock = move || Ok(ClockSample { boot_id, stamp_ns: monotonic(), utc_ns: utc_ns() });
-    let known = info.clone();
+    let told = Arc::clone(&equipment);
     let servers = vec![
         serve::rpc(session, prefix, Arc::clone(requests)).await.map_err(zenoh_error)?,
-        serve::value(session, keys::ROBOT_INFO.of(name), move || Ok(known.clone()))
+        serve::value(session, keys::ROBOT_INFO.of(name), move || Ok(told.info()))
             .await
             .map_err(zenoh_error)?,
         serve::value(session, keys::ROBOT_STATUS.of(name), status).await.map_err(zenoh_error)?,
         serve::value(session, keys::ROBOT_CLOCK.of(name), clock).await.map_err(zenoh_error)?,
         serve_motions(session, robot, board).await?,
     ];
-    let publisher = declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
-    publisher.put(&info).await.map_err(|error| AgentError::Zenoh(error.to_string()))?;
+    equipment.announce().await;
     let alive = session
         .liveliness()
         .declare_token(keys::ROBOT_ALIVE.of(name))
         .await
         .map_err(zenoh_error)?;
-    Ok(Keys { _stop: stop, _servers: servers, _info: publisher, _alive: alive })
+    Ok(Keys { _stop: stop, _servers: servers, _alive: alive })
 }
 
 async fn serve_motions(
@@ -171,6 +169,18 @@ pub(super) async fn declare_latest(
     encoding: WireEncoding,
 ) -> Result<Latest, AgentError> {
     let name = key.of(&robot.config.robot);
+    Latest::declare(session, name, key.channel, encoding).await.map_err(zenoh_error)
+}
+
+/// The sender of the state at a lower rate \[Hz\].
+pub(super) async fn declare_class(
+    session: &Session,
+    robot: &Robot,
+    rate_hz: u32,
+) -> Result<Latest, AgentError> {
+    let key = &keys::ROBOT_STATE_AT;
+    let name = key.with(&[robot.config.robot.as_str(), &rate_hz.to_string()]);
+    let encoding = robot.config.publish.encoding;
     Latest::declare(session, name, key.channel, encoding).await.map_err(zenoh_error)
 }
 

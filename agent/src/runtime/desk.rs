@@ -26,8 +26,8 @@ use super::clock::{monotonic, utc_ns};
 use super::mailbox::StampedEvent;
 use super::meter::{Meter, MeterReader};
 use super::stop_intake::IncomingStop;
-use super::words::name;
-use crate::control::LoopEvent;
+use super::words::{name, operational_name};
+use crate::control::{LeaseChange, LoopEvent, Refusal, StreamChange};
 
 /// How often progress of a motion is published.
 const PROGRESS: Duration = Duration::from_millis(100);
@@ -129,6 +129,16 @@ impl Desk {
                 self.event(stamp, Severity::Info, EventKind::FaultsCleared, message, Map::new())
                     .await;
             }
+            LoopEvent::Lease(change) => self.take_lease(stamp, change).await,
+            LoopEvent::OperationalMode { from, to } => {
+                let (from, to) = (operational_name(from), operational_name(to));
+                warn!(from, to, "key switch turned");
+                let message = format!("operational mode {from} -> {to}");
+                let details = map(json!({ "from": from, "to": to }));
+                let kind = EventKind::OperationalModeChanged;
+                self.event(stamp, Severity::Warning, kind, message, details).await;
+            }
+            LoopEvent::Stream(change) => self.take_stream(stamp, change).await,
             LoopEvent::StopStage(stage) => self.take_stage(stamp, stage).await,
             LoopEvent::StopCleared => {
                 info!("stop reset");
@@ -140,6 +150,32 @@ impl Desk {
         self.publish_status().await;
     }
 
+    async fn take_stream(&mut self, stamp: MonoTime, change: StreamChange) {
+        let (severity, what, message) = match change {
+            StreamChange::Began => (Severity::Info, "began", "a stream of commands began"),
+            StreamChange::Starved => {
+                (Severity::Warning, "starved", "the stream of commands starved: decelerating")
+            }
+            StreamChange::Resumed => (Severity::Info, "resumed", "the stream of commands goes on"),
+            StreamChange::Ended => (Severity::Info, "ended", "the stream of commands ended"),
+        };
+        info!(change = what, "stream of commands");
+        let details = map(json!({ "change": what }));
+        self.event(stamp, severity, EventKind::Stream, message.to_owned(), details).await;
+    }
+
+    /// Says who may command now; a lease itself is a secret of its holder.
+    async fn take_lease(&mut self, stamp: MonoTime, change: LeaseChange) {
+        let (holder, message) = self.board.lock().leases.take(change);
+        info!(holder, "{message}");
+        let severity = match change {
+            LeaseChange::Expired(_) => Severity::Warning,
+            _ => Severity::Info,
+        };
+        let details = map(json!({ "holder": holder }));
+        self.event(stamp, severity, EventKind::Lease, message, details).await;
+    }
+
     async fn take_motion(&mut self, stamp: MonoTime, report: &crate::control::MotionReport) {
         let status = {
             let mut board = self.board.lock();
@@ -148,6 +184,7 @@ impl Desk {
         };
         let Some(status) = status else { return };
         self.publish_motion(&status).await;
+        self.follow_parts(stamp, &status).await;
         if status.status.is_terminal() {
             info!(motion = %status.id, status = ?status.status, "motion ended");
             let why =
@@ -225,12 +262,15 @@ impl Desk {
     async fn progress(&mut self) {
         let now = monotonic();
         let statistics = self.reader.read(&self.meter, now);
-        let status = {
+        let refusal = self.meter.link_refusal();
+        let (status, changed) = {
             let mut board = self.board.lock();
+            let changed = std::mem::replace(&mut board.link_refusal, refusal) != refusal;
             board.statistics = statistics;
             board.panics = self.meter.panics.load(Ordering::Relaxed);
             for (what, counter) in [
                 ("malformed_packet", &self.meter.malformed_packets),
+                ("refused_by_controller", &self.meter.refused),
                 ("lost_loop_event", &self.meter.lost_events),
             ] {
                 let count = counter.load(Ordering::Relaxed);
@@ -239,10 +279,42 @@ impl Desk {
                 }
             }
             let snapshot = board.snapshot;
-            board.motions.progress(&snapshot)
+            (board.motions.progress(&snapshot), changed)
         };
+        if changed {
+            self.publish_status().await;
+        }
         if let Some(status) = status {
             self.publish_motion(&status).await;
+            self.follow_parts(now, &status).await;
+        }
+        self.forget_collected(now).await;
+    }
+
+    /// Publishes what a status means for the moves that are parts of the motion.
+    async fn follow_parts(&self, stamp: MonoTime, whole: &MotionStatus) {
+        let ended = {
+            let mut board = self.board.lock();
+            let Board { connected, motions, .. } = &mut *board;
+            connected.follow(motions, stamp, whole)
+        };
+        for status in &ended {
+            self.publish_motion(status).await;
+        }
+    }
+
+    /// Ends collected moves that will never be made.
+    async fn forget_collected(&self, stamp: MonoTime) {
+        let ended = {
+            let mut board = self.board.lock();
+            let Board { connected, motions, vocabulary, snapshot, .. } = &mut *board;
+            connected.forget(motions, (stamp, snapshot.epoch), |cancelled| {
+                let why = if cancelled { Refusal::Cancelled } else { Refusal::ModeLeft };
+                vocabulary.denial(&why)
+            })
+        };
+        for status in &ended {
+            self.publish_motion(status).await;
         }
     }
 

@@ -24,7 +24,7 @@ use super::realtime::{self, RealtimeReport};
 use super::stop_gate::StopGate;
 use super::wake_log::WakeLog;
 use crate::config::RealtimeConfig;
-use crate::control::{Input, LoopState, Output, Params, step};
+use crate::control::{Input, LoopEvent, LoopState, MAX_REQUESTS, Output, Params, Refusal, step};
 use crate::drivers::{Driver, Pacing};
 
 /// Everything the loop thread owns or shares.
@@ -40,6 +40,8 @@ pub(super) struct LoopThread {
     pub(super) realtime: RealtimeConfig,
     /// A sample of the state falls due every so many ticks.
     pub(super) ticks_per_sample: u64,
+    /// The same for each of the classes of lower rates.
+    pub(super) ticks_per_class: Vec<u64>,
     /// Woken when there is something to publish.
     pub(super) publisher: Thread,
     pub(super) shutdown: Arc<AtomicBool>,
@@ -70,8 +72,12 @@ impl LoopThread {
     fn run(&mut self) {
         let Pacing::Every(period) = self.driver.pacing();
         let mut deadline = monotonic() + period;
-        let mut loop_error = false;
-        let mut due = Due { every: self.ticks_per_sample, left: self.ticks_per_sample, count: 0 };
+        let every = self.ticks_per_sample;
+        let mut carry = Carry {
+            loop_error: false,
+            due: Due { every, left: every, count: 0 },
+            asked: ArrayVec::new(),
+        };
         while !self.shutdown.load(Ordering::Relaxed) {
             sleep_until(deadline);
             let woke = monotonic();
@@ -82,10 +88,11 @@ impl LoopThread {
                 log.note(tick, woke);
             }
             // Driver and step alike: a panic in either is a fault of this tick, never a silent end.
-            let guarded = AssertUnwindSafe(|| self.tick(woke, tick, loop_error, &mut due));
-            loop_error = catch_unwind(guarded).is_err();
-            if loop_error {
+            let guarded = AssertUnwindSafe(|| self.tick(woke, tick, &mut carry));
+            carry.loop_error = catch_unwind(guarded).is_err();
+            if carry.loop_error {
                 self.meter.panics.fetch_add(1, Ordering::Relaxed);
+                self.answer_for_failed_step(&mut carry.asked);
             }
             deadline = tick + period;
             if monotonic() > deadline {
@@ -94,25 +101,46 @@ impl LoopThread {
         }
     }
 
-    /// One tick. One that panics leaves its requests unanswered; they time out.
-    fn tick(&mut self, woke: MonoTime, deadline: MonoTime, loop_error: bool, due: &mut Due) {
+    /// One tick. What it was asked stands in `carry` until it has ended.
+    fn tick(&mut self, woke: MonoTime, deadline: MonoTime, carry: &mut Carry) {
         let driver = &mut self.driver;
         self.link.receive(|endpoint, _, bytes| driver.receive(woke, endpoint, bytes));
         let mut input = Input {
             now: deadline,
             feedback: driver.feedback().copied(),
             stop: self.gate.level(),
-            loop_error,
+            loop_error: carry.loop_error,
             requests: ArrayVec::new(),
+            stream: ArrayVec::new(),
         };
         while !input.requests.is_full()
             && let Ok(request) = self.mailbox.requests.pop()
         {
+            carry.asked.push(request.ticket);
             input.requests.push(request);
+        }
+        while !input.stream.is_full()
+            && let Ok(sample) = self.mailbox.samples.pop()
+        {
+            input.stream.push(sample);
         }
         let output = step(&self.params, &mut self.state, &mut input);
         self.send(woke, &output);
-        self.report(output, due);
+        self.report(output, &mut carry.due);
+        carry.asked.clear();
+    }
+
+    /// Answers the requests of a step that panicked. One that it had answered or left to wait may
+    /// be answered twice; whoever asked hears the first.
+    fn answer_for_failed_step(&mut self, asked: &mut ArrayVec<u64, MAX_REQUESTS>) {
+        let said = monotonic();
+        for ticket in asked.drain(..) {
+            let event = LoopEvent::Answer { ticket, result: Err(Refusal::StepFailed) };
+            if self.mailbox.events.push((said, event)).is_err() {
+                self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        self.publisher.unpark();
     }
 
     fn send(&mut self, now: MonoTime, output: &Output) {
@@ -124,23 +152,24 @@ impl LoopThread {
             driver.command(now, set_point);
         }
         self.link.transmit(|buffer| driver.poll_transmit(now, buffer));
-        let counters = driver.counters();
-        self.meter.malformed_packets.store(counters.malformed, Ordering::Relaxed);
+        self.meter.note_link(&driver.counters());
     }
 
     fn report(&mut self, output: Output, due: &mut Due) {
         let sample = due.tick();
         let said = monotonic();
-        let something = sample || !output.events.is_empty() || !output.retired.is_empty();
+        let seqno = output.snapshot.seqno;
+        let class = self.ticks_per_class.iter().any(|&ticks| seqno % ticks.max(1) == 0);
+        let something = sample || class || !output.events.is_empty() || !output.retired.is_empty();
         for event in output.events {
             if self.mailbox.events.push((said, event)).is_err() {
                 self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
             }
         }
-        for trajectory in output.retired {
-            if let Err(rtrb::PushError::Full(trajectory)) = self.mailbox.retired.push(trajectory) {
+        for retired in output.retired {
+            if let Err(rtrb::PushError::Full(retired)) = self.mailbox.retired.push(retired) {
                 // Freeing it would take the allocator's lock in the loop; losing it is cheaper.
-                mem::forget(trajectory);
+                mem::forget(retired);
             }
         }
         let limited = output.snapshot.limited_setpoints;
@@ -150,6 +179,15 @@ impl LoopThread {
             self.publisher.unpark();
         }
     }
+}
+
+/// What goes over from one tick to the next.
+struct Carry {
+    /// Whether the tick before panicked.
+    loop_error: bool,
+    due: Due,
+    /// Tickets of the requests that the tick in progress has taken.
+    asked: ArrayVec<u64, MAX_REQUESTS>,
 }
 
 /// When samples of the state fall due.
@@ -177,13 +215,15 @@ fn whole_periods(time: Duration, period: Duration) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use armada_model::{JointLimits, JointVector};
+    use armada_model::JointLimits;
     use armada_protocol::messages::FaultCode;
 
     use super::super::mailbox::mailbox;
     use super::*;
-    use crate::control::LoopEvent;
-    use crate::drivers::{DriverRequest, Endpoint, Feedback, LinkCounters, SetPoint, Transmit};
+    use crate::control::{LoopRequest, Order};
+    use crate::drivers::{
+        Abilities, DriverRequest, Endpoint, Feedback, LinkCounters, SetPoint, Transmit,
+    };
 
     const PERIOD: Duration = Duration::from_millis(1);
 
@@ -199,6 +239,10 @@ mod tests {
 
         fn pacing(&self) -> Pacing {
             Pacing::Every(PERIOD)
+        }
+
+        fn abilities(&self) -> Abilities {
+            Abilities::default()
         }
 
         fn receive(&mut self, _: MonoTime, _: usize, _: &[u8]) {}
@@ -223,7 +267,6 @@ mod tests {
     }
 
     fn params() -> Params {
-        let one = JointVector::from_slice(&[0.1]).expect("one joint");
         let limits = JointLimits {
             lower: Some(-1.0),
             upper: Some(1.0),
@@ -232,33 +275,20 @@ mod tests {
             jerk: None,
             effort: None,
         };
-        Params {
-            limits: vec![limits],
-            period: PERIOD,
-            communication_timeout: Duration::from_millis(100),
-            start_tolerance: one,
-            tracking_tolerance: one,
-            tracking_lag: Duration::from_millis(10),
-            standstill_velocity: one,
-            standstill_hold: Duration::from_millis(50),
-            request_timeout: Duration::from_millis(500),
-            enable_on_start: false,
-        }
+        Params::for_joints(vec![limits], PERIOD).expect("one joint")
     }
 
     #[test]
     fn a_panic_in_a_tick_is_a_latched_fault_and_the_loop_goes_on() {
         let params = params();
         let mut state = LoopState::new(&params).expect("valid parameters");
-        let mut input = Input {
-            now: monotonic(),
-            feedback: None,
-            stop: None,
-            loop_error: false,
-            requests: ArrayVec::new(),
-        };
+        let mut input = Input::at(monotonic());
         let first = step(&params, &mut state, &mut input).snapshot;
-        let (loop_end, mut publisher, _requests) = mailbox(first);
+        let (loop_end, mut publisher, mut requests) = mailbox(first);
+        // The first tick takes eight, the second eight, and the third panics with the rest.
+        for ticket in 1..=20 {
+            requests.push(LoopRequest::new(ticket, Order::Halt)).expect("room");
+        }
         let (meter, shutdown) = (Arc::<Meter>::default(), Arc::<AtomicBool>::default());
         let running = LoopThread {
             name: "defective".to_owned(),
@@ -271,24 +301,31 @@ mod tests {
             meter: Arc::clone(&meter),
             realtime: RealtimeConfig { priority: None, cpu: None, lock_memory: false },
             ticks_per_sample: 1,
+            ticks_per_class: Vec::new(),
             publisher: std::thread::current(),
             shutdown: Arc::clone(&shutdown),
             wake_log: None,
         };
         let running = running.start().expect("a thread");
         let deadline = monotonic() + Duration::from_secs(10);
-        let mut fault = None;
-        while fault.is_none() && monotonic() < deadline {
+        let (mut fault, mut answers) = (None, Vec::new());
+        while (fault.is_none() || answers.len() < 20) && monotonic() < deadline {
             std::thread::park_timeout(PERIOD);
             while let Ok((_, event)) = publisher.events.pop() {
-                if let LoopEvent::FaultLatched(latched) = event {
-                    fault = Some(latched.code);
+                match event {
+                    LoopEvent::FaultLatched(latched) => fault = Some(latched.code),
+                    LoopEvent::Answer { ticket, result } => answers.push((ticket, result)),
+                    _ => {}
                 }
             }
         }
         shutdown.store(true, Ordering::Relaxed);
         running.thread.join().expect("the loop ends in order");
         assert_eq!(fault, Some(FaultCode::LoopError));
+        for (at, (ticket, result)) in (1..).zip(answers) {
+            let why = if at > 16 { Refusal::StepFailed } else { Refusal::CommunicationLost };
+            assert_eq!((ticket, result), (at, Err(why)), "in their order, none left out");
+        }
         assert_eq!(meter.panics.load(Ordering::Relaxed), 1);
         assert!(meter.ticks.load(Ordering::Relaxed) > 3);
     }

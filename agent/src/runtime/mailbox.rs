@@ -1,17 +1,17 @@
 //! What lies between the loop thread and the rest: wait-free queues and the latest snapshot.
 
-use std::sync::Arc;
-
-use armada_model::{CompiledTrajectory, MonoTime};
+use armada_model::MonoTime;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::control::{LoopEvent, LoopRequest, Snapshot};
+use crate::control::{LoopEvent, LoopRequest, Retired, Snapshot, StreamSample};
 
 /// Requests on their way to the loop; more are refused as busy.
 const REQUESTS: usize = 256;
+/// Samples of streams on their way to the loop: eight ticks' worth; more are dropped.
+const SAMPLES: usize = 64;
 /// Events on their way from the loop: some seconds of the busiest loop.
 const EVENTS: usize = 4096;
-/// Trajectories on their way to be freed.
+/// Trajectories and tools on their way to be freed.
 const RETIRED: usize = 256;
 
 /// An event with the time the loop said it, after its set-point had gone out.
@@ -27,27 +27,35 @@ pub(super) struct Latest {
 /// The loop's end.
 pub(super) struct LoopEnd {
     pub(super) requests: Consumer<LoopRequest>,
+    pub(super) samples: Consumer<StreamSample>,
     pub(super) events: Producer<StampedEvent>,
-    pub(super) retired: Producer<Arc<CompiledTrajectory>>,
+    pub(super) retired: Producer<Retired>,
     pub(super) latest: triple_buffer::Input<Latest>,
 }
 
 /// The publisher's end.
 pub(super) struct PublisherEnd {
     pub(super) events: Consumer<StampedEvent>,
-    pub(super) retired: Consumer<Arc<CompiledTrajectory>>,
+    pub(super) retired: Consumer<Retired>,
     pub(super) latest: triple_buffer::Output<Latest>,
 }
 
-/// Makes both ends and the queue for requests; `first` is seen before the first tick.
-pub(super) fn mailbox(first: Snapshot) -> (LoopEnd, PublisherEnd, Producer<LoopRequest>) {
+/// The end of those who ask and stream.
+pub(super) struct ClientEnd {
+    pub(super) requests: Producer<LoopRequest>,
+    pub(super) samples: Producer<StreamSample>,
+}
+
+/// Makes all ends; `first` is seen before the first tick.
+pub(super) fn mailbox(first: Snapshot) -> (LoopEnd, PublisherEnd, ClientEnd) {
     let (request_in, requests) = RingBuffer::new(REQUESTS);
+    let (sample_in, samples) = RingBuffer::new(SAMPLES);
     let (events, event_out) = RingBuffer::new(EVENTS);
     let (retired, retired_out) = RingBuffer::new(RETIRED);
     let (latest, latest_out) = triple_buffer::triple_buffer(&Latest { snapshot: first, due: 0 });
     (
-        LoopEnd { requests, events, retired, latest },
+        LoopEnd { requests, samples, events, retired, latest },
         PublisherEnd { events: event_out, retired: retired_out, latest: latest_out },
-        request_in,
+        ClientEnd { requests: request_in, samples: sample_in },
     )
 }

@@ -6,6 +6,8 @@ use std::time::Duration;
 use armada_model::MonoTime;
 use armada_protocol::messages::{LoopStatistics, SchedulingPolicy};
 
+use crate::drivers::{LinkCounters, LinkRefusal};
+
 /// Counters of the loop thread.
 #[derive(Debug, Default)]
 pub(super) struct Meter {
@@ -21,9 +23,25 @@ pub(super) struct Meter {
     worst_wake_ns: AtomicU64,
     /// Packets from the controller that could not be read.
     pub(super) malformed_packets: AtomicU64,
+    /// Times the controller refused this client.
+    pub(super) refused: AtomicU64,
+    /// Why it does, as [`encode`] writes it.
+    link_refusal: AtomicU64,
 }
 
 impl Meter {
+    /// Takes over what the driver has counted.
+    pub(super) fn note_link(&self, counters: &LinkCounters) {
+        self.malformed_packets.store(counters.malformed, Ordering::Relaxed);
+        self.refused.store(counters.refused, Ordering::Relaxed);
+        self.link_refusal.store(encode(counters.refusal), Ordering::Relaxed);
+    }
+
+    /// Why the controller does not serve this client.
+    pub(super) fn link_refusal(&self) -> Option<LinkRefusal> {
+        decode(self.link_refusal.load(Ordering::Relaxed))
+    }
+
     /// Counts one tick that woke `late` after its deadline, `missed` periods after the one before.
     pub(super) fn count_tick(&self, late: Duration, missed: u64) {
         self.ticks.fetch_add(1, Ordering::Relaxed);
@@ -73,6 +91,46 @@ impl MeterReader {
             limited_setpoints: meter.limited_setpoints.load(Ordering::Relaxed),
             scheduling: self.scheduling,
             ..self.statistics
+        }
+    }
+}
+
+/// A refusal in one number, for the loop must not wait for a reader: kind and two values.
+fn encode(refusal: Option<LinkRefusal>) -> u64 {
+    let bytes = match refusal {
+        None => [0, 0, 0],
+        Some(LinkRefusal::Busy) => [1, 0, 0],
+        Some(LinkRefusal::JointCount { controller, client }) => [2, controller, client],
+        Some(LinkRefusal::Version { controller }) => [3, controller, 0],
+    };
+    let [kind, first, second] = bytes;
+    u64::from_le_bytes([kind, first, second, 0, 0, 0, 0, 0])
+}
+
+const fn decode(number: u64) -> Option<LinkRefusal> {
+    match number.to_le_bytes() {
+        [1, ..] => Some(LinkRefusal::Busy),
+        [2, controller, client, ..] => Some(LinkRefusal::JointCount { controller, client }),
+        [3, controller, ..] => Some(LinkRefusal::Version { controller }),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_refusal_of_a_controller_reaches_the_reader() {
+        let meter = Meter::default();
+        for refusal in [
+            Some(LinkRefusal::Busy),
+            Some(LinkRefusal::JointCount { controller: 7, client: 6 }),
+            Some(LinkRefusal::Version { controller: 255 }),
+            None,
+        ] {
+            meter.note_link(&LinkCounters { refusal, ..LinkCounters::default() });
+            assert_eq!(meter.link_refusal(), refusal);
         }
     }
 }

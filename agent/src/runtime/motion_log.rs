@@ -1,9 +1,11 @@
 //! The motions of a robot, kept after their end.
 
 use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
 
 use armada_model::MonoTime;
 use armada_protocol::messages::{ActionStatus, Denial, MotionStatus};
+use tokio::sync::Notify;
 use uuid::Uuid;
 
 use crate::control::{MotionReport, Snapshot};
@@ -16,6 +18,7 @@ const KEPT: usize = 1000;
 pub(super) struct MotionLog {
     by_id: HashMap<Uuid, MotionStatus>,
     order: VecDeque<Uuid>,
+    ended: Arc<Notify>,
 }
 
 impl MotionLog {
@@ -35,6 +38,7 @@ impl MotionLog {
     pub(super) fn withdraw(&mut self, id: Uuid) {
         self.by_id.remove(&id);
         self.order.retain(|kept| *kept != id);
+        self.ended.notify_waiters();
     }
 
     /// Takes a report of the loop; returns the status to publish. Nothing follows a terminal one.
@@ -56,7 +60,11 @@ impl MotionLog {
         status.elapsed_s = report.progress.elapsed_s;
         status.duration_s = report.progress.duration_s;
         status.waypoint = report.progress.waypoint;
-        Some(status.clone())
+        let status = status.clone();
+        if status.status.is_terminal() {
+            self.ended.notify_waiters();
+        }
+        Some(status)
     }
 
     /// The motion in progress with its newest numbers, to be published at a rate.
@@ -73,18 +81,37 @@ impl MotionLog {
         Some(status.clone())
     }
 
-    /// The motion that is not over yet, if there is one.
-    pub(super) fn current(&self) -> Option<&MotionStatus> {
-        self.order
-            .iter()
-            .rev()
-            .filter_map(|id| self.by_id.get(id))
-            .find(|m| !m.status.is_terminal())
+    /// The motion in progress, if there is one: `running`, as the loop says, or else the oldest
+    /// that is not over.
+    pub(super) fn current(&self, running: Option<Uuid>) -> Option<&MotionStatus> {
+        let told = running.and_then(|id| self.by_id.get(&id));
+        told.filter(|motion| !motion.status.is_terminal()).or_else(|| self.open().next())
+    }
+
+    /// The motions that wait for the end of the one in progress, in their order.
+    pub(super) fn waiting(&self, running: Option<Uuid>) -> Vec<Uuid> {
+        let current = self.current(running).map(|motion| motion.id);
+        self.open().map(|motion| motion.id).filter(|id| Some(*id) != current).collect()
+    }
+
+    /// The motion that was accepted last, of those that are not over.
+    pub(super) fn newest(&self) -> Option<&MotionStatus> {
+        self.open().last()
+    }
+
+    /// All motions that are not over, oldest first.
+    fn open(&self) -> impl Iterator<Item = &MotionStatus> {
+        self.all().filter(|motion| !motion.status.is_terminal())
     }
 
     /// Status of one motion.
     pub(super) fn find(&self, id: Uuid) -> Option<&MotionStatus> {
         self.by_id.get(&id)
+    }
+
+    /// Wakes whoever waits each time a motion has ended.
+    pub(super) fn ended(&self) -> Arc<Notify> {
+        Arc::clone(&self.ended)
     }
 
     /// Every motion that is kept, oldest first.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use armada_model::{MonoTime, Pose, RobotModel};
+use armada_model::MonoTime;
 use armada_protocol::messages::{
     CommandMode, ControllerState, JointState, OperationalMode, RobotState, TcpState,
 };
@@ -15,18 +15,20 @@ use uuid::Uuid;
 
 use super::board::SharedBoard;
 use super::clock::{monotonic, utc_ns};
+use super::equipment::SharedEquipment;
 use super::mailbox::{PublisherEnd, StampedEvent};
-use crate::control::Snapshot;
+use crate::control::{Equipment, EquippedChain, Snapshot};
 
 /// How long the thread sleeps if nobody wakes it, so that it sees the shutdown.
 const IDLE: Duration = Duration::from_millis(100);
 
-/// A chain whose tip pose is part of the state.
-#[derive(Clone, Debug)]
-pub(super) struct Chain {
-    pub(super) name: String,
-    pub(super) base: usize,
-    pub(super) tip: usize,
+/// The state at a lower rate.
+pub(super) struct StateClass {
+    pub(super) sender: Sender,
+    /// It falls due every so many ticks, at ticks whose number they divide.
+    pub(super) ticks_per_sample: u64,
+    /// How often it had fallen due when it was last published.
+    pub(super) published: u64,
 }
 
 /// Everything the publisher thread owns or shares.
@@ -36,12 +38,14 @@ pub(super) struct Publisher {
     pub(super) desk: mpsc::Sender<StampedEvent>,
     pub(super) state: Sender,
     pub(super) joint_states: Sender,
+    pub(super) classes: Vec<StateClass>,
     pub(super) boot_id: Uuid,
     pub(super) joint_names: Vec<String>,
-    pub(super) model: RobotModel,
-    pub(super) chains: Vec<Chain>,
-    /// Position variable of the model for each joint of the robot.
-    pub(super) variables: Vec<usize>,
+    /// Names of the chains.
+    pub(super) chains: Vec<String>,
+    /// Their tools in force.
+    pub(super) in_force: Arc<Equipment>,
+    pub(super) equipment: Arc<SharedEquipment>,
     /// Told when the robot's condition has changed.
     pub(super) changed: Arc<Notify>,
     pub(super) shutdown: Arc<AtomicBool>,
@@ -59,6 +63,7 @@ impl Publisher {
                 published = latest.due;
                 self.publish(&latest.snapshot);
             }
+            self.publish_classes(&latest.snapshot);
             let before = std::mem::replace(&mut self.board.lock().snapshot, latest.snapshot);
             if condition(&before) != condition(&latest.snapshot) {
                 self.changed.notify_one();
@@ -72,7 +77,8 @@ impl Publisher {
         }
     }
 
-    fn publish(&self, snapshot: &Snapshot) {
+    fn publish(&mut self, snapshot: &Snapshot) {
+        self.follow_equipment(snapshot.config_seqno);
         let state = self.robot_state(snapshot);
         if let Err(error) = self.state.put(&state) {
             debug!(%error, "state not published");
@@ -81,6 +87,27 @@ impl Publisher {
             && let Err(error) = self.joint_states.put(&self.joint_state(&state))
         {
             debug!(%error, "joint states not published");
+        }
+    }
+
+    /// Publishes the state where a lower rate falls due that somebody listens to.
+    fn publish_classes(&mut self, snapshot: &Snapshot) {
+        let mut due = Vec::new();
+        for (index, class) in self.classes.iter_mut().enumerate() {
+            let number = snapshot.seqno / class.ticks_per_sample.max(1);
+            let falls_due = std::mem::replace(&mut class.published, number) != number;
+            if falls_due && class.sender.has_subscribers() {
+                due.push(index);
+            }
+        }
+        if due.is_empty() {
+            return;
+        }
+        let state = self.robot_state(snapshot);
+        for class in due.into_iter().filter_map(|index| self.classes.get(index)) {
+            if let Err(error) = class.sender.put(&state) {
+                debug!(%error, "state not published");
+            }
         }
     }
 
@@ -102,28 +129,42 @@ impl Publisher {
             joint_velocity_command_rad_s: snapshot.joint_velocity_command,
             tcp: self.tips(snapshot),
             motion: snapshot.motion,
-            config_seqno: 1,
+            speed_ratio: snapshot.speed_ratio,
+            config_seqno: snapshot.config_seqno,
         }
     }
 
-    /// Poses of the chains' tips; none while the positions are not known.
+    /// Takes the tools that the loop has in force since it was looked last.
+    fn follow_equipment(&mut self, config_seqno: u64) {
+        if self.in_force.config_seqno != config_seqno
+            && let Some(newer) = self.equipment.of_revision(config_seqno)
+        {
+            self.in_force = newer;
+        }
+    }
+
+    /// Tool and flange of each chain; none while the positions are not known.
     fn tips(&self, snapshot: &Snapshot) -> Vec<TcpState> {
         if snapshot.joint_position.is_empty() {
             return Vec::new();
         }
-        let mut positions = vec![0.0; self.model.variable_count()];
-        for (&variable, &value) in self.variables.iter().zip(snapshot.joint_position.iter()) {
-            if let Some(slot) = positions.get_mut(variable) {
-                *slot = value;
-            }
-        }
-        let pose_of = |link| self.model.link_pose(&positions, link).ok();
-        let tip = |chain: &Chain| {
-            let (base, tip) = (pose_of(chain.base)?, pose_of(chain.tip)?);
-            let pose = Pose::from_isometry(base.inv_mul(&tip));
-            Some(TcpState { chain: chain.name.clone(), pose })
+        let tip = |(index, (name, chain)): (usize, (&String, &EquippedChain))| {
+            let tip = chain.tip(&snapshot.joint_position, &snapshot.joint_velocity).ok()?;
+            let reported = snapshot
+                .tips
+                .iter()
+                .flatten()
+                .find(|reported| usize::from(reported.chain) == index);
+            let tip = reported.map_or(tip, |reported| chain.reported(tip, reported));
+            Some(TcpState {
+                chain: name.clone(),
+                pose: tip.tcp,
+                twist: tip.tcp_twist,
+                flange_pose: tip.flange,
+                flange_twist: tip.flange_twist,
+            })
         };
-        self.chains.iter().filter_map(tip).collect()
+        self.chains.iter().zip(&self.in_force.chains).enumerate().filter_map(tip).collect()
     }
 
     fn joint_state(&self, state: &RobotState) -> JointState {

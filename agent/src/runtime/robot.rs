@@ -5,15 +5,15 @@ use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 
 use armada_model::{JointType, MotionLimits, RobotModel};
-use armada_protocol::messages::{Capability, ChainInfo, JointInfo, RobotFlags, RobotInfo};
+use armada_protocol::messages::{ChainInfo, JointInfo, RobotFlags, RobotInfo};
 use uuid::Uuid;
 
 use super::agent::AgentError;
-use super::publisher::Chain;
-use super::requests::names;
+use super::capabilities::{capabilities, loop_abilities, methods, parameter_slots, signal_slots};
 use crate::config::RobotConfig;
 use crate::control::Params;
-use crate::drivers::Driver;
+use crate::drivers::{Abilities, Driver};
+use crate::equipment::EquipmentBook;
 
 /// The robot as its files describe it.
 pub(super) struct Robot {
@@ -24,6 +24,8 @@ pub(super) struct Robot {
     pub(super) chains: Vec<ChainInfo>,
     pub(super) params: Params,
     pub(super) limits: MotionLimits,
+    pub(super) abilities: Abilities,
+    pub(super) book: EquipmentBook,
 }
 
 /// The robots of an agent, each of another name.
@@ -57,9 +59,18 @@ impl Robot {
         let (urdf, model) = config.read_urdf()?;
         let joints = config.joint_infos(&model)?;
         let chains = config.chain_infos(&model)?;
-        let params = config.params(&model)?;
+        let book = config.equipment(&model)?;
+        let setup = config.driver_setup(&model, NonZeroU64::MIN)?;
+        // Made only to be asked what its controller can do: it opens no connection by itself.
+        let abilities = config.driver.driver(&setup)?.abilities();
+        let params = Params {
+            abilities: loop_abilities(&abilities),
+            signals: signal_slots(&abilities.signals),
+            parameters: parameter_slots(&abilities.parameters),
+            ..config.params(&model)?
+        };
         let limits = MotionLimits::new(&params.limits)?;
-        Ok(Self { config, urdf, model, joints, chains, params, limits })
+        Ok(Self { config, urdf, model, joints, chains, params, limits, abilities, book })
     }
 
     pub(super) fn joint_names(&self) -> Vec<String> {
@@ -70,17 +81,8 @@ impl Robot {
         self.joints.iter().map(|joint| joint.joint_type).collect()
     }
 
-    pub(super) fn variables(&self) -> Vec<usize> {
-        self.joints.iter().filter_map(|joint| self.model.variable_index(&joint.name)).collect()
-    }
-
-    pub(super) fn chain_links(&self) -> Vec<Chain> {
-        let link = |name: &str| self.model.link_index(name);
-        let chain = |info: &ChainInfo| {
-            let (base, tip) = (link(&info.base_link)?, link(&info.tip_link)?);
-            Some(Chain { name: info.name.clone(), base, tip })
-        };
-        self.chains.iter().filter_map(chain).collect()
+    pub(super) fn chain_names(&self) -> Vec<String> {
+        self.chains.iter().map(|chain| chain.name.clone()).collect()
     }
 
     pub(super) fn driver(&self, boot_id: Uuid) -> Result<Box<dyn Driver>, AgentError> {
@@ -95,9 +97,22 @@ impl Robot {
         clippy::cast_sign_loss,
         reason = "the ratio of two checked rates is a small positive number"
     )]
+    fn ticks_between(&self, rate_hz: f64) -> u64 {
+        (self.loop_rate_hz() / rate_hz).round().max(1.0) as u64
+    }
+
     pub(super) fn ticks_per_sample(&self) -> u64 {
-        let loop_rate_hz = 1000.0 / self.config.control.period_ms;
-        (loop_rate_hz / self.config.publish.state_rate_hz).round().max(1.0) as u64
+        self.ticks_between(self.config.publish.state_rate_hz)
+    }
+
+    /// The rates at which the state is published besides \[Hz\], and how many ticks lie between two.
+    pub(super) fn state_classes(&self) -> Vec<(u32, u64)> {
+        let rates = self.config.publish.state_classes(self.loop_rate_hz());
+        rates.into_iter().map(|rate| (rate, self.ticks_between(f64::from(rate)))).collect()
+    }
+
+    fn loop_rate_hz(&self) -> f64 {
+        1000.0 / self.config.control.period_ms
     }
 
     pub(super) fn info(&self, boot_id: Uuid) -> RobotInfo {
@@ -110,20 +125,19 @@ impl Robot {
             model: self.config.model.clone(),
             serial: self.config.serial.clone(),
             software_version: env!("CARGO_PKG_VERSION").to_owned(),
-            model_rev: 1,
+            model_rev: self.book.config_seqno(),
             joints: self.joints.clone(),
             chains: self.chains.clone(),
-            capabilities: vec![
-                Capability::JogCommand,
-                Capability::TrajectoryCommand,
-                Capability::SoftwareResetErrors,
-                Capability::SoftwareEnable,
-                Capability::InterpolatedTrajectory,
-            ],
-            methods: names().into_iter().map(str::to_owned).collect(),
+            equipment: self.book.equipment(),
+            tools: self.book.catalogue().to_vec(),
+            signals: self.abilities.signals.clone(),
+            parameters: self.abilities.parameters.clone(),
+            capabilities: capabilities(&self.abilities),
+            methods: methods(&self.abilities, &self.params, self.chains.len()),
             flags: RobotFlags::NAMES.map(|(name, bit)| (name.to_owned(), bit.bits())).to_vec(),
             period_ms: self.config.control.period_ms,
             state_rate_hz: self.config.publish.state_rate_hz,
+            state_classes_hz: self.state_classes().into_iter().map(|(rate, _)| rate).collect(),
             urdf: self.urdf.clone(),
         }
     }

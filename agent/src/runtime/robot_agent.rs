@@ -11,7 +11,7 @@ use armada_protocol::keys;
 use armada_protocol::messages::{CommandMode, EventKind, RobotFlags, SchedulingPolicy, Severity};
 use rtrb::Producer;
 use serde_json::Map;
-use tokio::sync::{Notify, mpsc, watch};
+use tokio::sync::{Notify, Semaphore, mpsc, watch};
 use tokio::task::JoinHandle as Task;
 use tracing::{Instrument as _, Span, error, info, info_span, warn};
 use uuid::Uuid;
@@ -22,16 +22,18 @@ use super::board::{Board, SharedBoard};
 use super::bus::{self, Keys};
 use super::clock::monotonic;
 use super::desk::{Desk, Inboxes, Remark};
+use super::equipment::SharedEquipment;
 use super::link::Link;
 use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
-use super::publisher::Publisher;
+use super::publisher::{Publisher, StateClass};
 use super::realtime::RealtimeReport;
-use super::requests::Requests;
+use super::requests::{MAX_WAITS, Requests};
 use super::robot::Robot;
 use super::stop_gate::StopGate;
 use super::stop_intake::StopIntake;
+use super::stream_intake::StreamIntake;
 use super::threads::Threads;
 use super::wake_log::WakeLog;
 use super::words::Vocabulary;
@@ -56,6 +58,7 @@ pub(super) struct RobotAgent {
     desk: Task<()>,
     span: Span,
     _keys: Keys,
+    _streams: StreamIntake,
 }
 
 impl RobotAgent {
@@ -70,8 +73,8 @@ impl RobotAgent {
     ) -> Result<Self, AgentError> {
         let name = robot.config.robot.clone();
         let span = info_span!("robot", %name);
-        let shared = Shared::new(robot)?;
-        let (loop_end, publisher_end, orders) = mailbox(shared.board.lock().snapshot);
+        let shared = Shared::new(session, robot).await?;
+        let (loop_end, publisher_end, clients) = mailbox(shared.board.lock().snapshot);
         let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
         let publisher = shared.publisher(session, robot, publisher_end, to_desk).await?;
         // From here on an error drops the threads, which ends them.
@@ -91,11 +94,24 @@ impl RobotAgent {
         let changed = Arc::clone(&shared.changed);
         let desk = desk.run(Inboxes { loop_events, stops, remarks: remarked, changed });
         let desk = start_task(desk.instrument(span.clone()));
-        let requests = Arc::new(shared.requests(robot, orders, cleared_seen, remarks.clone()));
+        let requests =
+            Arc::new(shared.requests(robot, clients.requests, cleared_seen, remarks.clone()));
+        let streams = StreamIntake::open(session, robot, clients.samples, &shared.board).await;
+        let streams = streams.map_err(bus::zenoh_error)?;
         let keys = bus::open_keys(session, robot, &shared.board, &requests, stop).await?;
         let board = shared.board;
-        let agent =
-            Self { name, requests, board, remarks, realtime, threads, desk, span, _keys: keys };
+        let agent = Self {
+            name,
+            requests,
+            board,
+            remarks,
+            realtime,
+            threads,
+            desk,
+            span,
+            _keys: keys,
+            _streams: streams,
+        };
         agent.remark(EventKind::Started, format!("agent {} started", env!("CARGO_PKG_VERSION")));
         Ok(agent)
     }
@@ -168,21 +184,25 @@ struct Shared {
     gate: Arc<StopGate>,
     meter: Arc<Meter>,
     board: Arc<SharedBoard>,
+    equipment: Arc<SharedEquipment>,
     changed: Arc<Notify>,
     shutdown: Arc<AtomicBool>,
 }
 
 impl Shared {
-    fn new(robot: &Robot) -> Result<Self, AgentError> {
+    async fn new(session: &Session, robot: &Robot) -> Result<Self, AgentError> {
         let boot_id = Uuid::now_v7();
         let first = first_snapshot(&robot.params)?;
         let vocabulary =
             Vocabulary { robot: robot.config.robot.clone(), joints: robot.joints.clone() };
+        let info = robot.info(boot_id);
+        let publisher = bus::declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
         Ok(Self {
             boot_id,
             gate: Arc::default(),
             meter: Arc::default(),
             board: Arc::new(SharedBoard::new(Board::new(vocabulary, boot_id, first))),
+            equipment: Arc::new(SharedEquipment::new(robot.book.clone(), info, publisher)),
             changed: Arc::default(),
             shutdown: Arc::default(),
         })
@@ -197,17 +217,23 @@ impl Shared {
     ) -> Result<Publisher, AgentError> {
         let encoding = robot.config.publish.encoding;
         let (state, joint_states) = (&keys::ROBOT_STATE, &keys::ROBOT_JOINT_STATES);
+        let mut classes = Vec::new();
+        for (rate_hz, ticks_per_sample) in robot.state_classes() {
+            let sender = bus::declare_class(session, robot, rate_hz).await?;
+            classes.push(StateClass { sender, ticks_per_sample, published: 0 });
+        }
         Ok(Publisher {
             mailbox,
             board: Arc::clone(&self.board),
             desk,
             state: bus::declare_latest(session, robot, state, encoding).await?,
             joint_states: bus::declare_latest(session, robot, joint_states, encoding).await?,
+            classes,
             boot_id: self.boot_id,
             joint_names: robot.joint_names(),
-            variables: robot.variables(),
-            chains: robot.chain_links(),
-            model: robot.model.clone(),
+            chains: robot.chain_names(),
+            in_force: Arc::clone(&robot.params.equipment),
+            equipment: Arc::clone(&self.equipment),
             changed: Arc::clone(&self.changed),
             shutdown: Arc::clone(&self.shutdown),
         })
@@ -231,6 +257,7 @@ impl Shared {
             meter: Arc::clone(&self.meter),
             realtime: robot.config.control.realtime,
             ticks_per_sample: robot.ticks_per_sample(),
+            ticks_per_class: robot.state_classes().into_iter().map(|(_, ticks)| ticks).collect(),
             publisher,
             shutdown: Arc::clone(&self.shutdown),
             wake_log: None,
@@ -277,6 +304,11 @@ impl Shared {
             prepared: Mutex::default(),
             cleared,
             remarks,
+            equipment: Arc::clone(&self.equipment),
+            abilities: robot.abilities.clone(),
+            planning: tokio::sync::Mutex::default(),
+            chain_names: robot.chain_names(),
+            waits: Semaphore::new(MAX_WAITS),
             boot_id: self.boot_id,
         }
     }
@@ -285,13 +317,7 @@ impl Shared {
 /// The snapshot before the first tick: what a step says that knows nothing.
 fn first_snapshot(params: &Params) -> Result<crate::control::Snapshot, AgentError> {
     let mut state = LoopState::new(params)?;
-    let mut input = Input {
-        now: monotonic(),
-        feedback: None,
-        stop: None,
-        loop_error: false,
-        requests: arrayvec::ArrayVec::new(),
-    };
+    let mut input = Input::at(monotonic());
     Ok(step(params, &mut state, &mut input).snapshot)
 }
 

@@ -3,11 +3,12 @@
 use armada_model::TrajectoryError;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, StopLevel,
+    ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, OperationalMode,
+    StopLevel,
 };
 use serde_json::Value;
 
-use crate::control::{LoopFault, Refusal};
+use crate::control::{LoopFault, Refusal, clear_by};
 
 /// Who and what the words are about.
 #[derive(Clone, Debug)]
@@ -123,6 +124,82 @@ impl Vocabulary {
                 DenialCode::Busy,
                 format!("too many requests wait for the controller of {}", self.robot),
             ),
+            Refusal::NotSupported(what) => Denial::new(
+                DenialCode::NotSupported,
+                format!("{} does not have {what}", self.robot),
+            ),
+            Refusal::LeaseRequired { remaining_s } => self.driven_by("somebody else", remaining_s),
+            Refusal::LeaseStale => Denial::new(
+                DenialCode::LeaseStale,
+                format!("the lease of {} is not in force any more: acquire it anew", self.robot),
+            ),
+            Refusal::LeaseLost => {
+                Denial::new(DenialCode::LeaseStale, format!("{}: the lease ran out", self.robot))
+            }
+            Refusal::LeaseTaken => Denial::new(
+                DenialCode::LeaseRequired,
+                format!("{}: somebody acquired the lease", self.robot),
+            ),
+            Refusal::OperationalMode(mode) => Denial::new(
+                DenialCode::WrongMode,
+                format!(
+                    "the key switch of {} stands at {}, which forbids this",
+                    self.robot,
+                    operational_name(mode)
+                ),
+            )
+            .with("operational_mode", operational_name(mode)),
+            Refusal::OperationalModeChanged => self.ended("the key switch was turned"),
+            Refusal::QueueFull { limit } => Denial::new(
+                DenialCode::Busy,
+                format!("{limit} motions wait for {} already", self.robot),
+            )
+            .with("limit", limit),
+            Refusal::QueueBroken => self.ended("the motion before it ended early"),
+            Refusal::NotPausable => Denial::new(
+                DenialCode::NotSupported,
+                format!("the motion of {} cannot be paused", self.robot),
+            ),
+            Refusal::NoHome { joint } => Denial::new(
+                DenialCode::NotSupported,
+                format!("the robot file of {} gives {} no home", self.robot, self.joint(joint)),
+            )
+            .with("joint", self.joint(joint)),
+            Refusal::NotHomed { joint } => Denial::new(
+                DenialCode::NotReady,
+                format!("{} of {} is not homed", self.joint(joint), self.robot),
+            )
+            .with("joint", self.joint(joint)),
+            Refusal::NoSuchChain { chain } => Denial::new(
+                DenialCode::InvalidArgument,
+                format!("{} has no chain number {chain}", self.robot),
+            ),
+            Refusal::ControllerRefused { code } => Denial::new(
+                DenialCode::DriverError,
+                format!("the controller of {} gave up with error {code}", self.robot),
+            )
+            .with("code", code),
+            Refusal::StepFailed => Denial::new(
+                DenialCode::Internal,
+                format!(
+                    "the control loop of {} failed in the step that took the request: look \
+                     whether it was done",
+                    self.robot
+                ),
+            ),
+            Refusal::ControllerTimeout => Denial::new(
+                DenialCode::Timeout,
+                format!("the controller of {} did not do it in time", self.robot),
+            ),
+            Refusal::EquipmentChanged { current, .. } => Denial::new(
+                DenialCode::StaleModel,
+                format!("tools or payloads of {} were changed meanwhile: look again", self.robot),
+            )
+            .with("config_seqno", current),
+            Refusal::Superseded => Denial::new(
+                DenialCode::Busy,
+                format!("{}: another request of the same kind took its place", self.robot),
+            ),
         }
     }
 
@@ -140,6 +217,23 @@ impl Vocabulary {
         .with("needed", name(needed))
     }
 
+    /// The denial of a command while `holder` has the lease for so long \[s\].
+    pub(super) fn driven_by(&self, holder: &str, remaining_s: f64) -> Denial {
+        let robot = &self.robot;
+        let message = if remaining_s > 0.0 {
+            format!("{robot} is driven by {holder} for another {remaining_s:.1} s")
+        } else {
+            format!(
+                "{robot} still moves for {holder}, whose lease has run out: acquire the lease to \
+                 command it"
+            )
+        };
+        let remaining_ms = (remaining_s * 1e3).round();
+        Denial::new(DenialCode::LeaseRequired, message)
+            .with("holder", holder)
+            .with("remaining_ms", remaining_ms)
+    }
+
     /// The denial of motion while a stop is latched.
     pub(super) fn stopped(&self, level: StopLevel) -> Denial {
         Denial::new(
@@ -151,11 +245,9 @@ impl Vocabulary {
 
     fn faulted(&self, code: FaultCode) -> Denial {
         let fault = fault_name(code);
-        Denial::new(
-            DenialCode::Faulted,
-            format!("{} has the fault {fault}: put it right, then reset errors", self.robot),
-        )
-        .with("fault", fault)
+        let remedy = self.remedy(code);
+        Denial::new(DenialCode::Faulted, format!("{} has the fault {fault}: {remedy}", self.robot))
+            .with("fault", fault)
     }
 
     fn out_of_range(&self, joint: usize, value: f64, limit: f64) -> Denial {
@@ -171,6 +263,28 @@ impl Vocabulary {
 
     fn ended(&self, why: &str) -> Denial {
         Denial::new(DenialCode::WrongMode, format!("{}: {why}", self.robot))
+    }
+
+    /// What a person is to do about a fault.
+    pub(super) fn remedy(&self, code: FaultCode) -> String {
+        let cause = match code {
+            FaultCode::CommunicationLost => "see that the controller runs and can be reached",
+            FaultCode::ControllerError => "put right what the controller complains of",
+            FaultCode::FatalError => "put the controller right, or restart it",
+            FaultCode::EmergencyStop => "see that it is safe and release the emergency stop",
+            FaultCode::GuardStop => "see that it is safe and close the safeguard",
+            FaultCode::NotReady => "see why the drives went off",
+            FaultCode::TrackingError | FaultCode::VelocityError => {
+                "see what the robot ran into, or what loads it"
+            }
+            FaultCode::HomingFailed => "see why the controller found no reference",
+            FaultCode::LoopError => "report the defect; restart the agent if it stays",
+        };
+        let command = match clear_by(code) {
+            ClearBy::Halt => "halt",
+            ClearBy::ResetErrors | ClearBy::Controller => "reset-errors",
+        };
+        format!("{cause}, then: armada {command} {}", self.robot)
     }
 
     /// A fault of the loop, in words.
@@ -197,8 +311,28 @@ impl Vocabulary {
                 unit = self.unit(joint),
             ),
             FaultCode::LoopError => "the control loop failed in a step".to_owned(),
+            FaultCode::FatalError => "the controller reports a fatal error".to_owned(),
+            FaultCode::GuardStop => "a safeguard of the controller is open".to_owned(),
+            FaultCode::VelocityError => format!(
+                "{} is {:.4} {unit}/s from its set-point, limit {} {unit}/s",
+                self.joint(joint),
+                fault.value,
+                fault.limit,
+                unit = self.unit(joint),
+            ),
+            FaultCode::HomingFailed => "the controller failed to home".to_owned(),
         };
-        Fault { code: fault.code, message, since_ns: fault.stamp }
+        Fault {
+            code: fault.code,
+            message,
+            joint: fault.joint.map(|joint| self.joint(joint).to_owned()),
+            value: fault.value,
+            limit: fault.limit,
+            clear: clear_by(fault.code),
+            remedy: self.remedy(fault.code),
+            recording: None,
+            since_ns: fault.stamp,
+        }
     }
 }
 
@@ -218,15 +352,6 @@ pub(super) fn trajectory_denial(error: &TrajectoryError) -> Denial {
         }
         _ => denial,
     }
-}
-
-/// A waypoint asks for the supervision of velocity, which the loop does not do.
-pub(super) fn velocity_tolerance_denial(waypoint: usize) -> Denial {
-    let text = format!(
-        "waypoint {waypoint}: velocity_tolerance is not supported, leave it out; position is \
-         supervised by position_tolerance"
-    );
-    Denial::new(DenialCode::NotSupported, text).with("field", "velocity_tolerance")
 }
 
 /// A waypoint would let the robot be further away than the robot's own supervision does.
@@ -252,6 +377,11 @@ pub(super) fn name(mode: CommandMode) -> String {
     wire_name(serde_json::to_value(mode))
 }
 
+/// An operational mode as it is written on the wire.
+pub(super) fn operational_name(mode: OperationalMode) -> String {
+    wire_name(serde_json::to_value(mode))
+}
+
 /// A fault's kind as it is written on the wire.
 pub(super) fn fault_name(code: FaultCode) -> String {
     wire_name(serde_json::to_value(code))
@@ -260,3 +390,6 @@ pub(super) fn fault_name(code: FaultCode) -> String {
 fn wire_name(value: serde_json::Result<Value>) -> String {
     value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests;

@@ -120,6 +120,7 @@ fn names(joints: &[JointInfo]) -> String {
 #[cfg(test)]
 mod tests {
     use armada_model::JointLimits;
+    use armada_protocol::messages::ReducedLimits;
 
     use super::*;
 
@@ -128,6 +129,8 @@ mod tests {
             name: name.to_owned(),
             joint_type,
             limits: JointLimits { velocity: 1.0, ..JointLimits::default() },
+            reduced: ReducedLimits::default(),
+            home: None,
         };
         vec![joint("lift", JointType::Prismatic), joint("elbow", JointType::Revolute)]
     }

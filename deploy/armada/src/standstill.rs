@@ -141,6 +141,7 @@ mod tests {
             joint_velocity_command_rad_s: JointVector::EMPTY,
             tcp: vec![],
             motion: None,
+            speed_ratio: 1.0,
             config_seqno: 0,
         }
     }

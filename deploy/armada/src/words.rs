@@ -89,6 +89,7 @@ pub(crate) const fn action(status: ActionStatus) -> &'static str {
     match status {
         ActionStatus::Queued => "waiting for its start",
         ActionStatus::Running => "running",
+        ActionStatus::Paused => "paused",
         ActionStatus::Complete => "complete",
         ActionStatus::Cancelled => "cancelled",
         ActionStatus::Failed => "failed",

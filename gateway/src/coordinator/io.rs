@@ -4,8 +4,8 @@ use armada_model::{JointTrajectory, MonoTime};
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
     Accepted, CellMotionStatus, CellResetAnswer, CellStatus, ClockSample, CommandMode,
-    CommitParams, Denial, Event, ExecuteTrajectoryParams, ModeAnswer, MotionStatus, Prepared,
-    ResetAnswer, RobotInfo, RobotState, RobotStatus, StopAck, StopReport, StopRequest,
+    CommitParams, Denial, Event, ModeAnswer, MotionStatus, PrepareParams, Prepared, ResetAnswer,
+    RobotInfo, RobotState, RobotStatus, StopAck, StopReport, StopRequest,
 };
 use std::time::Duration;
 use uuid::Uuid;
@@ -116,7 +116,7 @@ pub enum AgentCall {
     /// Change the command mode.
     SetMode(CommandMode),
     /// Check a trajectory and keep it.
-    Prepare(Box<ExecuteTrajectoryParams>),
+    Prepare(Box<PrepareParams>),
     /// Start a prepared trajectory at an instant.
     Commit(CommitParams),
     /// Forget a prepared trajectory, or end it with a ramp.

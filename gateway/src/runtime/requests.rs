@@ -77,6 +77,7 @@ impl Handler for CellRequests {
             }
             cell::ExecuteTrajectory::NAME => {
                 call.run::<cell::ExecuteTrajectory, _, _>(async |request| {
+                    refuse_lease(request.lease)?;
                     let ask = |params: armada_protocol::messages::CellExecuteTrajectory| {
                         execute(params.motion_id, params.trajectory)
                     };
@@ -105,6 +106,17 @@ impl Handler for CellRequests {
     }
 }
 
+/// A lease is of one robot: what drives several would need one of each.
+fn refuse_lease(lease: Option<Uuid>) -> Result<(), Denial> {
+    lease.map_or(Ok(()), |_| {
+        Err(Denial::new(
+            DenialCode::NotSupported,
+            "a lease is of one robot and cannot drive a cell: release it and leave it out",
+        )
+        .with("field", "lease"))
+    })
+}
+
 fn execute(motion_id: Option<Uuid>, trajectory: JointTrajectory) -> CellRequest {
     let motion_id = motion_id.unwrap_or_else(Uuid::now_v7);
     CellRequest::ExecuteTrajectory { motion_id, trajectory }
@@ -128,4 +140,17 @@ fn cancelled(answer: CellAnswer) -> Result<Empty, Denial> {
 
 fn confused() -> Denial {
     Denial::new(DenialCode::Internal, "the answer is to another request")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lease_does_not_drive_a_cell() {
+        assert_eq!(refuse_lease(None), Ok(()));
+        let denial = refuse_lease(Some(Uuid::nil())).expect_err("refused");
+        assert_eq!(denial.code, DenialCode::NotSupported);
+        assert_eq!(denial.details["field"], "lease");
+    }
 }

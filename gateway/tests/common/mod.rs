@@ -288,7 +288,7 @@ impl Handler for Shared {
                     locked(&self.starts).push(start);
                     self.publish_motion(motion_id, 0, start, ActionStatus::Running).await;
                     self.publish_motion(motion_id, 1, start, ActionStatus::Complete).await;
-                    Ok(Accepted { motion_id, duration_s: 1.0, epoch: 1 })
+                    Ok(Accepted { motion_id, duration_s: 1.0, epoch: 1, status: None })
                 })
                 .await
             }

@@ -70,9 +70,9 @@ pub use on_path::{
     Transition,
 };
 pub use online::{
-    AxisDurations, AxisMotion, AxisPoint, AxisRequest, JerkLimitedMove, JerkLimitedStop,
-    MAX_ONLINE_VALUE, OnlineError, OnlineGenerator, OnlineOptions, OnlineState, Retargeter,
-    RuckigGenerator, Synchronisation,
+    AxisDurations, AxisMotion, AxisPoint, AxisRequest, AxisTarget, JerkLimitedMove,
+    JerkLimitedStop, MAX_ONLINE_VALUE, OnlineError, OnlineGenerator, OnlineOptions, OnlineState,
+    Retargeter, RuckigGenerator, Synchronisation,
 };
 pub use path::{
     ConstraintScheme, GeometricPath, Grid, JointPath, MAX_GRID_POINTS, PathError, PathKnot,

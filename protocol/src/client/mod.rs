@@ -1,7 +1,9 @@
 //! The asking end: robots and the cell as typed calls.
 
 mod error;
+mod lease;
 mod stop;
+mod stream;
 mod subscription;
 
 use std::time::{Duration, SystemTime};
@@ -9,12 +11,15 @@ use std::time::{Duration, SystemTime};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tokio::time::Instant;
+use uuid::Uuid;
 use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 pub use error::ClientError;
+pub use lease::LeaseKeeper;
 pub use stop::StopOptions;
+pub use stream::Stream;
 pub use subscription::Subscription;
 
 use crate::RobotName;
@@ -66,6 +71,8 @@ pub struct Client {
     name: String,
     /// How many endpoints were dialled.
     endpoints: usize,
+    /// The lease that requests are made under.
+    lease: Option<Uuid>,
 }
 
 impl Client {
@@ -96,7 +103,8 @@ impl Client {
         })
         .await
         .map_err(|error| nobody_there(error, &options.connect))?;
-        let client = Self { session, name: options.name, endpoints: options.connect.len() };
+        let client =
+            Self { session, name: options.name, endpoints: options.connect.len(), lease: None };
         let deadline = now() + CONNECT_TIMEOUT;
         while client.links().await == 0 {
             if now() >= deadline {
@@ -110,7 +118,13 @@ impl Client {
     /// The asking end of a session that is open already; `name` is given with every request.
     #[must_use]
     pub fn on_session(session: Session, name: impl Into<String>) -> Self {
-        Self { session, name: name.into(), endpoints: 0 }
+        Self { session, name: name.into(), endpoints: 0, lease: None }
+    }
+
+    /// The same client, making its requests under a lease.
+    #[must_use]
+    pub fn under(&self, lease: Uuid) -> Self {
+        Self { lease: Some(lease), ..self.clone() }
     }
 
     /// The Zenoh session beneath.
@@ -141,7 +155,22 @@ impl Client {
         robot: &RobotName,
         params: M::Params,
     ) -> Result<M::Answer, ClientError> {
-        self.call_key::<M>(&keys::ROBOT_RPC.with(&[robot.as_str(), M::NAME]), params).await
+        self.call_within::<M>(robot, params, M::TIMEOUT).await
+    }
+
+    /// Asks a robot's agent and waits for the answer as long as `timeout`: for requests that are
+    /// answered at the end of a motion.
+    ///
+    /// # Errors
+    /// As [`Self::call`].
+    pub async fn call_within<M: Method>(
+        &self,
+        robot: &RobotName,
+        params: M::Params,
+        timeout: Duration,
+    ) -> Result<M::Answer, ClientError> {
+        let key = keys::ROBOT_RPC.with(&[robot.as_str(), M::NAME]);
+        self.call_key::<M>(&key, params, timeout).await
     }
 
     /// Asks the gateway.
@@ -149,7 +178,7 @@ impl Client {
     /// # Errors
     /// As [`Self::call`].
     pub async fn call_cell<M: Method>(&self, params: M::Params) -> Result<M::Answer, ClientError> {
-        self.call_key::<M>(&keys::CELL_RPC.with(&[M::NAME]), params).await
+        self.call_key::<M>(&keys::CELL_RPC.with(&[M::NAME]), params, M::TIMEOUT).await
     }
 
     /// Asks for a method by its name, with parameters and answer as they are on the wire: for
@@ -174,7 +203,8 @@ impl Client {
             Some(robot) => keys::ROBOT_RPC.with(&[robot.as_str(), method]),
             None => keys::CELL_RPC.with(&[method]),
         };
-        let payload = WireEncoding::Json.encode(&Request::new(self.name.clone(), params))?;
+        let payload = WireEncoding::Json
+            .encode(&Request::new(self.name.clone(), params).under(self.lease))?;
         self.ask(&key, Some(payload), timeout).await
     }
 
@@ -182,10 +212,11 @@ impl Client {
         &self,
         key: &str,
         params: M::Params,
+        timeout: Duration,
     ) -> Result<M::Answer, ClientError> {
-        let request = Request::new(self.name.clone(), params);
+        let request = Request::new(self.name.clone(), params).under(self.lease);
         let payload = WireEncoding::Json.encode(&request)?;
-        self.ask(key, Some(payload), M::TIMEOUT).await
+        self.ask(key, Some(payload), timeout).await
     }
 
     /// Asks until somebody answers: after a reconnection a query may find nobody for a moment.
@@ -265,11 +296,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Self::call`].
-    pub async fn motion(
-        &self,
-        robot: &RobotName,
-        id: uuid::Uuid,
-    ) -> Result<MotionStatus, ClientError> {
+    pub async fn motion(&self, robot: &RobotName, id: Uuid) -> Result<MotionStatus, ClientError> {
         self.value(&keys::ROBOT_MOTION.with(&[robot.as_str(), &id.to_string()])).await
     }
 
@@ -277,7 +304,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Self::call`].
-    pub async fn cell_motion(&self, id: uuid::Uuid) -> Result<CellMotionStatus, ClientError> {
+    pub async fn cell_motion(&self, id: Uuid) -> Result<CellMotionStatus, ClientError> {
         self.value(&keys::CELL_MOTION.with(&[&id.to_string()])).await
     }
 

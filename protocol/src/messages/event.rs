@@ -65,6 +65,16 @@ pub enum EventKind {
     Stop,
     /// A latched stop was reset.
     Reset,
+    /// A lease was granted, released or ran out.
+    Lease,
+    /// A tool or payload was attached or detached.
+    EquipmentChanged,
+    /// A signal or parameter was set.
+    ValueSet,
+    /// The operational mode changed: somebody turned the key switch.
+    OperationalModeChanged,
+    /// A stream of commands began, starved or ended.
+    Stream,
     /// A robot appeared in or vanished from the cell.
     PresenceChanged,
     /// A request was refused.

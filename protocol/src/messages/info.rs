@@ -4,6 +4,7 @@ use armada_model::{JointLimits, JointType};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
+use super::{ChainEquipment, ParameterInfo, SignalInfo, ToolInfo};
 use crate::RobotName;
 
 /// Identity, joints and abilities of a robot; changes only when `model_rev` does.
@@ -31,6 +32,14 @@ pub struct RobotInfo {
     pub joints: Vec<JointInfo>,
     /// Kinematic chains whose tip poses are in the state.
     pub chains: Vec<ChainInfo>,
+    /// What each chain carries, in the order of `chains`.
+    pub equipment: Vec<ChainEquipment>,
+    /// Tools of the robot file, which can be attached by name.
+    pub tools: Vec<ToolInfo>,
+    /// Inputs and outputs of the controller.
+    pub signals: Vec<SignalInfo>,
+    /// Settings of the controller.
+    pub parameters: Vec<ParameterInfo>,
     /// What the robot can do.
     pub capabilities: Vec<Capability>,
     /// Methods under `rpc/` that this agent answers.
@@ -41,6 +50,8 @@ pub struct RobotInfo {
     pub period_ms: f64,
     /// How often the state is published \[Hz\].
     pub state_rate_hz: f64,
+    /// Rates at which the state is published besides, as `state/{rate}` \[Hz\].
+    pub state_classes_hz: Vec<u32>,
     /// The robot description as URDF text.
     pub urdf: String,
 }
@@ -55,6 +66,21 @@ pub struct JointInfo {
     pub joint_type: JointType,
     /// What it may do, after the robot file has narrowed the URDF's limits.
     pub limits: JointLimits,
+    /// What it may do in mode `manual_reduced_speed`, and while the operational mode is not known.
+    pub reduced: ReducedLimits,
+    /// Home position \[rad or m\]; null if the robot file gives none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub home: Option<f64>,
+}
+
+/// Limits of a joint at reduced speed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReducedLimits {
+    /// Highest speed \[rad/s or m/s\], at most the joint's limit.
+    pub velocity: f64,
+    /// Highest acceleration and deceleration \[rad/s² or m/s²\], at most the joint's limit.
+    pub acceleration: f64,
 }
 
 /// A chain of links from a base to a tip.
@@ -73,14 +99,32 @@ pub struct ChainInfo {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Capability {
-    /// Moves of joints to a position.
+    /// Jogs: moves by hand.
     JogCommand,
     /// Timed trajectories.
     TrajectoryCommand,
+    /// Streamed joint positions.
+    PositionCommand,
+    /// Streamed joint velocities and twists.
+    VelocityCommand,
+    /// Homing by the controller.
+    HomingCommand,
     /// Errors can be reset by software.
     SoftwareResetErrors,
     /// Drives can be switched by software.
     SoftwareEnable,
     /// Trajectories are interpolated between waypoints.
     InterpolatedTrajectory,
+    /// Trajectories can wait for the end of others.
+    TrajectoryQueueing,
+    /// The speed of motions can be changed while they run.
+    SpeedRatio,
+    /// The controller makes moves of its own to joint positions.
+    DelegatedMoveJoint,
+    /// The controller makes moves of its own to poses.
+    DelegatedMovePose,
+    /// The controller makes straight moves of its own.
+    DelegatedMoveLinear,
+    /// The controller takes the load of tool and payload.
+    LoadSetting,
 }

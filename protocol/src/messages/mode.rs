@@ -75,29 +75,77 @@ impl RobotFlags {
     pub const FATAL_ERROR: Self = Self(0x2);
     /// An emergency stop or a latched stop is in force.
     pub const ESTOP: Self = Self(0x4);
+    /// The first emergency stop button is pressed.
+    pub const ESTOP_BUTTON1: Self = Self(0x8);
+    /// The second emergency stop button is pressed.
+    pub const ESTOP_BUTTON2: Self = Self(0x10);
+    /// The third emergency stop button is pressed.
+    pub const ESTOP_BUTTON3: Self = Self(0x20);
+    /// The fourth emergency stop button is pressed.
+    pub const ESTOP_BUTTON4: Self = Self(0x40);
+    /// The first guard is open.
+    pub const ESTOP_GUARD1: Self = Self(0x80);
+    /// The second guard is open.
+    pub const ESTOP_GUARD2: Self = Self(0x100);
+    /// The third guard is open.
+    pub const ESTOP_GUARD3: Self = Self(0x200);
+    /// The fourth guard is open.
+    pub const ESTOP_GUARD4: Self = Self(0x400);
     /// The stop was asked for by software: Armada's own latch.
     pub const ESTOP_SOFTWARE: Self = Self(0x800);
+    /// The emergency stop came from a fault of the controller.
+    pub const ESTOP_FAULT: Self = Self(0x1000);
     /// The emergency stop came from the controller's own circuit.
     pub const ESTOP_INTERNAL: Self = Self(0x2000);
+    /// The emergency stop came from elsewhere.
+    pub const ESTOP_OTHER: Self = Self(0x4000);
+    /// The emergency stop is released, and waits for the reset of its fault.
+    pub const ESTOP_RELEASED: Self = Self(0x8000);
+    /// The enabling switch is held.
+    pub const ENABLING_SWITCH: Self = Self(0x1_0000);
     /// Drives are on.
     pub const ENABLED: Self = Self(0x2_0000);
     /// The controller takes commands.
     pub const READY: Self = Self(0x4_0000);
+    /// Every joint knows its reference.
+    pub const HOMED: Self = Self(0x8_0000);
+    /// A joint does not know its reference.
+    pub const HOMING_REQUIRED: Self = Self(0x10_0000);
     /// No feedback has come for longer than the allowed time.
     pub const COMMUNICATION_FAILURE: Self = Self(0x20_0000);
+    /// A streamed position was followed in this tick.
+    pub const VALID_POSITION_COMMAND: Self = Self(0x100_0000);
+    /// A streamed velocity was followed in this tick.
+    pub const VALID_VELOCITY_COMMAND: Self = Self(0x200_0000);
     /// A trajectory is in progress.
     pub const TRAJECTORY_RUNNING: Self = Self(0x400_0000);
 
     /// Every bit with its name on the wire, lowest bit first.
-    pub const NAMES: [(&'static str, Self); 9] = [
+    pub const NAMES: [(&'static str, Self); 25] = [
         ("error", Self::ERROR),
         ("fatal_error", Self::FATAL_ERROR),
         ("estop", Self::ESTOP),
+        ("estop_button1", Self::ESTOP_BUTTON1),
+        ("estop_button2", Self::ESTOP_BUTTON2),
+        ("estop_button3", Self::ESTOP_BUTTON3),
+        ("estop_button4", Self::ESTOP_BUTTON4),
+        ("estop_guard1", Self::ESTOP_GUARD1),
+        ("estop_guard2", Self::ESTOP_GUARD2),
+        ("estop_guard3", Self::ESTOP_GUARD3),
+        ("estop_guard4", Self::ESTOP_GUARD4),
         ("estop_software", Self::ESTOP_SOFTWARE),
+        ("estop_fault", Self::ESTOP_FAULT),
         ("estop_internal", Self::ESTOP_INTERNAL),
+        ("estop_other", Self::ESTOP_OTHER),
+        ("estop_released", Self::ESTOP_RELEASED),
+        ("enabling_switch", Self::ENABLING_SWITCH),
         ("enabled", Self::ENABLED),
         ("ready", Self::READY),
+        ("homed", Self::HOMED),
+        ("homing_required", Self::HOMING_REQUIRED),
         ("communication_failure", Self::COMMUNICATION_FAILURE),
+        ("valid_position_command", Self::VALID_POSITION_COMMAND),
+        ("valid_velocity_command", Self::VALID_VELOCITY_COMMAND),
         ("trajectory_running", Self::TRAJECTORY_RUNNING),
     ];
 
@@ -114,6 +162,12 @@ impl RobotFlags {
     #[must_use]
     pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
+    }
+
+    /// The bits that are set in both.
+    #[must_use]
+    pub const fn intersection(self, other: Self) -> Self {
+        Self(self.0 & other.0)
     }
 
     /// These bits, and those of `other` if `condition` holds.

@@ -15,6 +15,8 @@ pub enum ActionStatus {
     Queued,
     /// In progress.
     Running,
+    /// In progress, at rest on its path or on the way to rest, until it is resumed.
+    Paused,
     /// Ended at its goal.
     Complete,
     /// Ended early because somebody asked for it.
@@ -37,8 +39,31 @@ impl ActionStatus {
 pub enum MotionKind {
     /// A move of all joints to a position.
     JogFreespace,
+    /// Joints at a speed.
+    JogJoint,
+    /// Tools at a speed.
+    JogCartesian,
+    /// Homing.
+    Home,
     /// A timed trajectory.
     Trajectory,
+    /// A move to joint positions.
+    MoveJoint,
+    /// A move to a pose.
+    MovePose,
+    /// A straight move of the tool.
+    MoveLinear,
+}
+
+/// Who makes the set-points of a motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Executor {
+    /// The agent's control loop.
+    #[default]
+    Agent,
+    /// The controller itself.
+    Controller,
 }
 
 /// The motion in progress, as part of the state.
@@ -52,6 +77,12 @@ pub struct MotionProgress {
     pub duration_s: f64,
     /// Last waypoint passed; 0 for a jog.
     pub waypoint: u32,
+    /// How fast its clock runs: 1 as planned, 0 at rest on the path.
+    pub rate: f64,
+    /// Whether it is paused.
+    pub paused: bool,
+    /// How many motions wait behind it.
+    pub queued: u32,
 }
 
 /// Status of one motion of one robot.
@@ -69,6 +100,9 @@ pub struct MotionStatus {
     pub stamp_ns: MonoTime,
     /// What makes the set-points.
     pub kind: MotionKind,
+    /// Who makes the set-points.
+    #[serde(default)]
+    pub executor: Executor,
     /// Where it stands.
     pub status: ActionStatus,
     /// Why it failed or was cancelled.

@@ -4,7 +4,7 @@ use armada_model::{JointTrajectory, JointVector, MonoTime};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use super::CommandMode;
+use super::{ActionStatus, CommandMode};
 use crate::RobotName;
 
 /// Envelope of every request.
@@ -18,6 +18,9 @@ pub struct Request<P> {
     /// Who asks, for people and the audit trail.
     #[serde(default = "anonymous")]
     pub client: String,
+    /// The lease under which it is asked; not needed while nobody holds one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lease: Option<Uuid>,
     /// What is asked.
     pub params: P,
 }
@@ -30,7 +33,14 @@ impl<P> Request<P> {
     /// A request with a new identity.
     #[must_use]
     pub fn new(client: impl Into<String>, params: P) -> Self {
-        Self { request_id: Some(Uuid::now_v7()), client: client.into(), params }
+        Self { request_id: Some(Uuid::now_v7()), client: client.into(), lease: None, params }
+    }
+
+    /// The same under a lease.
+    #[must_use]
+    pub fn under(mut self, lease: Option<Uuid>) -> Self {
+        self.lease = lease;
+        self
     }
 }
 
@@ -75,9 +85,12 @@ pub struct JogFreespaceParams {
     /// Highest speed of every joint \[rad/s or m/s\]; the joints' limits if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_velocity_rad_s: Option<JointVector>,
+    /// Whether to be answered when the motion has ended.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub wait: bool,
 }
 
-/// Parameters of an agent's `execute_trajectory` and `prepare`.
+/// Parameters of an agent's `execute_trajectory`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExecuteTrajectoryParams {
@@ -86,6 +99,65 @@ pub struct ExecuteTrajectoryParams {
     pub motion_id: Option<Uuid>,
     /// The trajectory; it names every joint of the robot.
     pub trajectory: JointTrajectory,
+    /// What to do if a motion is in progress.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub queue: Queue,
+    /// What to do if the lease is lost on the way.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub on_lease_loss: LeaseLoss,
+    /// Whether to be answered when the motion has ended.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub wait: bool,
+}
+
+impl ExecuteTrajectoryParams {
+    /// The trajectory at once, to stop on its path if the lease is lost.
+    #[must_use]
+    pub const fn at_once(motion_id: Option<Uuid>, trajectory: JointTrajectory) -> Self {
+        let (queue, on_lease_loss) = (Queue::Refuse, LeaseLoss::StopOnPath);
+        Self { motion_id, trajectory, queue, on_lease_loss, wait: false }
+    }
+}
+
+/// Parameters of `prepare`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PrepareParams {
+    /// Identity the motion gets; a new one is made if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion_id: Option<Uuid>,
+    /// The trajectory; it names every joint of the robot.
+    pub trajectory: JointTrajectory,
+}
+
+/// What becomes of a trajectory that comes while another is in progress.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Queue {
+    /// It is refused as busy.
+    #[default]
+    Refuse,
+    /// It waits for the end of the last one in the queue, where it must begin.
+    Append,
+    /// As `append`, and the robot does not come to rest in between where the limits allow: the
+    /// way leaves the end of the one and the beginning of the other by their tolerances at most.
+    AppendBlended,
+    /// It takes the place of what is in progress and in the queue, which end as cancelled; the
+    /// robot goes over to it without a halt where the limits allow.
+    Replace,
+}
+
+/// What becomes of a motion whose lease runs out. Streams and jogs always stop.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LeaseLoss {
+    /// It comes to rest on its path.
+    #[default]
+    StopOnPath,
+    /// It goes on to its end; what is queued behind it is cancelled.
+    Finish,
+    /// It goes on for so long \[s\], above 0 to 60, and then comes to rest on its path.
+    ContinueS(f64),
 }
 
 /// A motion was accepted; what becomes of it is published under `motions/{id}`.
@@ -93,10 +165,13 @@ pub struct ExecuteTrajectoryParams {
 pub struct Accepted {
     /// Identity of the motion.
     pub motion_id: Uuid,
-    /// How long it takes \[s\].
+    /// How long it takes \[s\]; 0 if that is not known.
     pub duration_s: f64,
     /// Epoch it belongs to.
     pub epoch: u64,
+    /// How it ended, if the answer was to wait for that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub status: Option<ActionStatus>,
 }
 
 /// Answer of `prepare`: valid, and kept for a `commit`.
@@ -176,4 +251,13 @@ pub struct CellResetAnswer {
     pub reset: Vec<(RobotName, Vec<Uuid>)>,
     /// Robots that refused or did not answer, and why.
     pub refused: Vec<(RobotName, super::Denial)>,
+}
+
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "what serde wants")]
+pub(super) const fn is_false(value: &bool) -> bool {
+    !*value
 }

@@ -1,6 +1,6 @@
 //! Where a robot is and what it is told, at the state rate.
 
-use armada_model::{JointVector, MonoTime, Pose};
+use armada_model::{JointVector, MonoTime, Pose, Twist};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
@@ -40,21 +40,37 @@ pub struct RobotState {
     pub joint_position_command_rad: JointVector,
     /// Speeds that go with them \[1/s\].
     pub joint_velocity_command_rad_s: JointVector,
-    /// Pose of each chain's tip, in the order of [`super::RobotInfo`]'s chains.
+    /// Where each chain's tool centre point and flange are, in the order of [`super::RobotInfo`]'s chains.
     pub tcp: Vec<TcpState>,
     /// The motion in progress.
     pub motion: Option<MotionProgress>,
+    /// Speed of all motions over what they were planned for, 0.01 to 1.
+    pub speed_ratio: f64,
     /// Revision of tools and payloads.
     pub config_seqno: u64,
 }
 
-/// Where the tip of a chain is.
+/// Where the tool centre point and the flange of a chain are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TcpState {
     /// Name of the chain.
     pub chain: String,
-    /// Pose of the tip in the chain's base link.
+    /// Pose of the tool centre point in the chain's base link.
     pub pose: Pose,
+    /// Its speed, in the axes of the chain's base link; null while joint speeds are not known.
+    pub twist: Option<Twist>,
+    /// Pose of the flange, which is the chain's tip link, in the chain's base link.
+    pub flange_pose: Pose,
+    /// Its speed, in the axes of the chain's base link.
+    pub flange_twist: Option<Twist>,
+}
+
+impl TcpState {
+    /// A chain without tool whose tip is at `pose`, speeds not known.
+    #[must_use]
+    pub fn of(chain: impl Into<String>, pose: Pose) -> Self {
+        Self { chain: chain.into(), pose, twist: None, flange_pose: pose, flange_twist: None }
+    }
 }
 
 /// Joint states in the shape of ROS `sensor_msgs/JointState`.

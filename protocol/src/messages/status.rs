@@ -36,6 +36,10 @@ pub struct RobotStatus {
     pub lease: Option<Lease>,
     /// The motion in progress or waiting for its start.
     pub motion: Option<MotionStatus>,
+    /// Motions that wait behind it, in their order.
+    pub queued: Vec<Uuid>,
+    /// The stream of commands, while one is in progress.
+    pub stream: Option<StreamStatistics>,
     /// Timing of the control loop.
     pub control_loop: LoopStatistics,
     /// Messages that were dropped or refused since the start, by reason.
@@ -60,8 +64,26 @@ pub struct StopLatch {
 pub struct Lease {
     /// Name of the holder.
     pub holder: String,
-    /// Time left \[ms\].
+    /// Time left \[ms\]; 0 once it has run out.
     pub remaining_ms: u64,
+    /// Whether it has run out: the holder may still renew it, anybody may acquire one.
+    pub stale: bool,
+}
+
+/// How a stream of commands comes in.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StreamStatistics {
+    /// Samples taken in this epoch.
+    pub taken: u64,
+    /// Samples dropped in this epoch.
+    pub dropped: u64,
+    /// Samples taken in this epoch of which the limits allow only a part.
+    #[serde(default)]
+    pub limited: u64,
+    /// Time since the newest one \[ms\].
+    pub age_ms: f64,
+    /// Whether the robot decelerates or stands because samples stay away.
+    pub starved: bool,
 }
 
 /// A latched fault; it stays until `reset_errors` when its cause is gone.
@@ -71,8 +93,34 @@ pub struct Fault {
     pub code: FaultCode,
     /// What happened, with joint, value and limit.
     pub message: String,
+    /// Joint, if one is at fault.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<String>,
+    /// The value that was wrong, in the unit that the message names.
+    pub value: f64,
+    /// Its limit; 0 if it has none.
+    pub limit: f64,
+    /// What clears it.
+    pub clear: ClearBy,
+    /// What a person is to do.
+    pub remedy: String,
+    /// File with the last seconds of the control loop, on the agent's machine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<String>,
     /// When it was latched, agent's monotonic clock \[ns\].
     pub since_ns: MonoTime,
+}
+
+/// What clears a fault; each level does what those before it do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ClearBy {
+    /// Setting mode `halt`.
+    Halt,
+    /// `reset_errors`.
+    ResetErrors,
+    /// A person at the controller, then `reset_errors`.
+    Controller,
 }
 
 /// Kind of a [`Fault`].
@@ -83,12 +131,20 @@ pub enum FaultCode {
     CommunicationLost,
     /// The controller reports an error.
     ControllerError,
+    /// The controller reports an error that no reset clears.
+    FatalError,
     /// The controller's own emergency stop is pressed.
     EmergencyStop,
+    /// A safeguard of the controller is open.
+    GuardStop,
     /// Drives went off, or the controller stopped taking commands, during a motion.
     NotReady,
     /// Measured and commanded position went too far apart.
     TrackingError,
+    /// Measured and commanded speed went further apart than a waypoint allows.
+    VelocityError,
+    /// The controller failed to home.
+    HomingFailed,
     /// The control loop itself failed.
     LoopError,
 }

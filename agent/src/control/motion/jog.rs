@@ -1,62 +1,90 @@
 //! Moves of all joints to a position.
 //!
 //! A jog may be given another goal on the way: the old motion ends as cancelled, and the new one
-//! begins in the state of the old one's curve at the last tick, so that velocity is continuous.
+//! begins in the state of the old one's curve at the last tick, so that position, velocity and
+//! acceleration are continuous. The same happens inside a motion when the speed ratio changes.
 
 use armada_model::{
-    JointMove, JointMoveError, JointVector, MotionLimits, MotionLimitsError, MotionState,
+    JerkLimitedMove, JointMoveError, JointVector, MAX_ONLINE_VALUE, MotionLimits,
+    MotionLimitsError, OnlineError, OnlineOptions, OnlineState, Synchronisation,
 };
 
-use super::Next;
-use crate::control::io::{JogOrder, Refusal};
+use super::{Drive, Next};
+use crate::control::io::Refusal;
 
 /// A move of all joints to a position, on its way.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(in crate::control) struct JogMotion {
-    plan: JointMove,
-    /// Set-points sent.
+    plan: JerkLimitedMove,
+    goal: JointVector,
+    /// Limits of the motion at a speed ratio of 1.
+    limits: MotionLimits,
+    speed_ratio: f64,
+    /// Set-points sent of this plan.
     ticks: u64,
+    /// Time of the plans before it \[s\].
+    before_s: f64,
 }
 
 impl JogMotion {
-    /// Plans the move from `start`, if the goal and the speeds are within the limits.
+    /// Plans the move from `start` to `goal`, if that is within the limits.
+    ///
+    /// `max_velocity` lowers the limits' velocities; empty, it leaves them.
     pub(in crate::control) fn plan(
-        order: &JogOrder,
-        start: &MotionState,
+        start: &OnlineState,
+        goal: &JointVector,
+        max_velocity: &JointVector,
         limits: &MotionLimits,
+        speed_ratio: f64,
     ) -> Result<Self, Refusal> {
-        check_length(&order.joint_position, limits)?;
-        check_length(&order.max_velocity, limits)?;
-        for (joint, (&value, axis)) in order.joint_position.iter().zip(limits.iter()).enumerate() {
+        check_length(goal, limits)?;
+        for (joint, (&value, axis)) in goal.iter().zip(limits.iter()).enumerate() {
             if !axis.contains(value) {
                 return Err(Refusal::OutOfRange { joint, value, limit: axis.nearer_limit(value) });
             }
         }
-        let limits = limits.with_max_velocity(&order.max_velocity).map_err(speed_refusal)?;
-        let plan = JointMove::plan(start, &order.joint_position, &limits).map_err(move_refusal)?;
-        Ok(Self { plan, ticks: 0 })
+        let limits = if max_velocity.is_empty() {
+            *limits
+        } else {
+            limits.with_max_velocity(max_velocity).map_err(speed_refusal)?
+        };
+        let plan = plan(start, goal, &limits, speed_ratio)?;
+        Ok(Self { plan, goal: *goal, limits, speed_ratio, ticks: 0, before_s: 0.0 })
     }
 
     /// The state of the curve at the last set-point.
-    pub(in crate::control) fn state(&self, period_s: f64) -> MotionState {
+    pub(in crate::control) fn state(&self, period_s: f64) -> OnlineState {
         self.plan.at(self.time_s(period_s))
     }
 
     pub(super) fn elapsed_s(&self, period_s: f64) -> f64 {
-        self.time_s(period_s).min(self.plan.duration_s())
+        self.before_s + self.time_s(period_s).min(self.plan.duration_s())
     }
 
     pub(super) const fn duration_s(&self) -> f64 {
-        self.plan.duration_s()
+        self.before_s + self.plan.duration_s()
     }
 
-    pub(super) fn next(&mut self, period_s: f64) -> Next {
+    pub(super) fn next(&mut self, drive: &Drive<'_>) -> Next {
+        if drive.speed_ratio != self.speed_ratio {
+            self.change_speed(drive);
+        }
         self.ticks += 1;
-        let state = self.state(period_s);
-        if self.time_s(period_s) >= self.plan.duration_s() {
+        let state = self.state(drive.period_s).motion_state();
+        if self.time_s(drive.period_s) >= self.plan.duration_s() {
             Next::Last(state)
         } else {
             Next::Moving(state)
+        }
+    }
+
+    /// Plans the rest of the way anew. Where that fails, which is rare, the old plan goes on and
+    /// it is tried again at the next tick.
+    fn change_speed(&mut self, drive: &Drive<'_>) {
+        let here = self.state(drive.period_s);
+        if let Ok(changed) = plan(&here, &self.goal, &self.limits, drive.speed_ratio) {
+            self.before_s = self.elapsed_s(drive.period_s);
+            (self.plan, self.speed_ratio, self.ticks) = (changed, drive.speed_ratio, 0);
         }
     }
 
@@ -65,19 +93,35 @@ impl JogMotion {
     }
 }
 
+fn plan(
+    start: &OnlineState,
+    goal: &JointVector,
+    limits: &MotionLimits,
+    speed_ratio: f64,
+) -> Result<JerkLimitedMove, Refusal> {
+    let slowed = goal
+        .map_indexed(|joint, _| limits.get(joint).map_or(0.0, |axis| speed_ratio * axis.velocity));
+    let limits = limits.with_max_velocity(&slowed).map_err(speed_refusal)?;
+    let options = OnlineOptions { synchronisation: Synchronisation::Phase, ..Default::default() };
+    let goal = OnlineState::at_rest(*goal);
+    JerkLimitedMove::plan(start, &goal, &limits, &options).map_err(plan_refusal)
+}
+
 /// A refused plan in the loop's words.
-pub(super) fn move_refusal(error: JointMoveError) -> Refusal {
+fn plan_refusal(error: OnlineError) -> Refusal {
     match error {
-        JointMoveError::JointCount { len, expected, .. } => {
+        OnlineError::JointCount { len, expected, .. } => {
             Refusal::WrongLength { given: len, expected }
         }
-        JointMoveError::TargetBeyondLimit { joint, value, limit }
-        | JointMoveError::OvershootBeyondLimit { joint, value, limit } => {
+        OnlineError::TargetBeyondLimit { joint, value, limit, .. }
+        | OnlineError::OvershootBeyondLimit { joint, value, limit } => {
             Refusal::OutOfRange { joint, value, limit }
         }
-        JointMoveError::Profile { joint, .. } => {
-            Refusal::OutOfRange { joint, value: f64::NAN, limit: 0.0 }
+        OnlineError::NotUsable { joint, value, .. } => {
+            Refusal::OutOfRange { joint, value, limit: MAX_ONLINE_VALUE }
         }
+        // From a state a little later there is a plan: to ask again is what helps.
+        OnlineError::NoProfile { .. } | OnlineError::MinimumDuration { .. } => Refusal::StillMoving,
     }
 }
 
@@ -101,7 +145,24 @@ fn speed_refusal(error: MotionLimitsError) -> Refusal {
     }
 }
 
+/// Refuses a vector that does not have one value for each joint.
 fn check_length(vector: &JointVector, limits: &MotionLimits) -> Result<(), Refusal> {
     let (given, expected) = (vector.len(), limits.len());
     if given == expected { Ok(()) } else { Err(Refusal::WrongLength { given, expected }) }
+}
+
+/// A refused plan of a slow way in the loop's words.
+pub(super) fn move_refusal(error: JointMoveError) -> Refusal {
+    match error {
+        JointMoveError::JointCount { len, expected, .. } => {
+            Refusal::WrongLength { given: len, expected }
+        }
+        JointMoveError::TargetBeyondLimit { joint, value, limit }
+        | JointMoveError::OvershootBeyondLimit { joint, value, limit } => {
+            Refusal::OutOfRange { joint, value, limit }
+        }
+        JointMoveError::Profile { joint, .. } => {
+            Refusal::OutOfRange { joint, value: f64::NAN, limit: 0.0 }
+        }
+    }
 }

@@ -10,21 +10,44 @@
 //! `cancelled` after a cancel is said when the ramp has ended, so it means that the robot has been
 //! brought to rest on purpose. When the epoch is raised the motion is over at once, and the ramp is
 //! nobody's any more: a stop or halt must not wait for a report, nor be waited for.
+//!
+//! A trajectory may be paused and resumed, and others may wait behind it; see `queue`. It comes to
+//! rest on its path where it can, however it ends; see `ramp`.
 
+mod course;
+mod dead_man;
+mod delegated;
+mod home;
 mod jog;
+mod lead_in;
+mod queue;
 mod ramp;
+mod speed;
+mod stream;
 mod trajectory;
+mod twist;
 
+pub(super) use dead_man::{DeadManJog, Wanted};
+pub(super) use delegated::DelegatedMotion;
+pub(super) use home::{HomeMotion, OwnMotion};
 pub(super) use jog::JogMotion;
-pub(super) use trajectory::{StartPoint, TrajectoryMotion};
+pub(super) use queue::Waiting;
+pub(super) use ramp::Brake;
+pub(super) use speed::SpeedFollower;
+pub(super) use stream::StreamFollower;
 
-use armada_model::{JointVector, MonoTime, MotionState};
-use armada_protocol::messages::{ActionStatus, FaultCode, MotionKind, MotionProgress};
+use armada_model::{JointVector, MonoTime, MotionLimits, MotionState};
+use armada_protocol::messages::{
+    ActionStatus, Executor, FaultCode, LeaseLoss, MotionKind, MotionProgress,
+};
 use uuid::Uuid;
 
-use super::io::{LoopEvent, MotionReport, Refusal};
+use self::queue::Remains;
+use self::trajectory::TrajectoryMotion;
+use super::equipment::Equipment;
+use super::faults::fault;
+use super::io::{LoopEvent, MotionReport, Params, Refusal};
 use super::state::{LoopState, Tick};
-use super::verify::fault;
 use crate::drivers::SetPoint;
 
 /// How a motion ends.
@@ -38,8 +61,15 @@ pub(super) enum End {
     Failed(Refusal),
 }
 
+impl End {
+    /// Whether the robot is to stand as soon as may be: after a stop or a fault.
+    pub(super) fn is_urgent(self) -> bool {
+        matches!(self, Self::Failed(why) if why != Refusal::LeaseLost)
+    }
+}
+
 /// A motion in progress, or waiting for its start.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Motion {
     pub(super) id: Uuid,
     pub(super) source: Source,
@@ -49,15 +79,28 @@ pub(super) struct Motion {
     queued: bool,
     /// Time of its first set-point.
     started: Option<MonoTime>,
+    /// The lease it was begun under, which [`LoopState::take`] writes.
+    pub(super) lease: Option<Uuid>,
+    /// What it does if that lease runs out.
+    pub(super) on_lease_loss: LeaseLoss,
 }
 
 /// What makes the set-points of a motion.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 pub(super) enum Source {
     /// A move to a position.
     Jog(JogMotion),
+    /// Joints or tools at a speed.
+    DeadMan(DeadManJog),
+    /// Homing.
+    Home(HomeMotion),
     /// A trajectory.
     Trajectory(TrajectoryMotion),
+    /// A move of the controller's own.
+    Delegated(DelegatedMotion),
+    /// What was a trajectory, and is now with the [`Brake`]; how far it came.
+    Braked(MotionKind, MotionProgress),
 }
 
 /// What a motion has to say in one tick.
@@ -70,52 +113,114 @@ enum Next {
     Moving(MotionState),
     /// Its end, which it reaches exactly.
     Last(MotionState),
-    /// Its time has passed without it, by so much \[s\].
-    Missed(f64),
+    /// On the way into the next motion.
+    Over(MotionState),
+    /// It cannot begin, or not go on.
+    Failed(Refusal),
+}
+
+/// What a motion is given at each tick.
+pub(super) struct Drive<'a> {
+    pub(super) params: &'a Params,
+    pub(super) now: MonoTime,
+    pub(super) period_s: f64,
+    /// Limits in force, at a speed ratio of 1.
+    pub(super) limits: MotionLimits,
+    pub(super) speed_ratio: f64,
+    pub(super) equipment: &'a Equipment,
 }
 
 impl Motion {
+    /// A motion of nobody's lease, to stop if it gets one that runs out.
     pub(super) const fn new(id: Uuid, source: Source) -> Self {
-        Self { id, source, cancelling: false, queued: false, started: None }
+        let on_lease_loss = LeaseLoss::StopOnPath;
+        let (cancelling, queued) = (false, false);
+        Self { id, source, cancelling, queued, started: None, lease: None, on_lease_loss }
+    }
+
+    /// The same with another way to react to the loss of its lease.
+    pub(super) const fn on_lease_loss(mut self, reaction: LeaseLoss) -> Self {
+        self.on_lease_loss = reaction;
+        self
     }
 
     /// Whether it makes the set-points, which it does not while it waits.
-    pub(super) const fn is_moving(&self) -> bool {
+    pub(super) fn is_moving(&self) -> bool {
         match &self.source {
-            Source::Jog(_) => true,
+            Source::Jog(_) | Source::DeadMan(_) | Source::Braked(..) => true,
+            Source::Home(_) => !self.cancelling,
             Source::Trajectory(trajectory) => trajectory.is_under_way(),
+            Source::Delegated(delegated) => delegated.is_moving(),
         }
     }
 
     pub(super) const fn kind(&self) -> MotionKind {
         match &self.source {
             Source::Jog(_) => MotionKind::JogFreespace,
-            Source::Trajectory(_) => MotionKind::Trajectory,
+            Source::DeadMan(jog) if jog.moves_tools() => MotionKind::JogCartesian,
+            Source::DeadMan(_) => MotionKind::JogJoint,
+            Source::Home(_) => MotionKind::Home,
+            Source::Trajectory(trajectory) => trajectory.kind(),
+            Source::Braked(kind, _) => *kind,
+            Source::Delegated(delegated) => delegated.kind(),
         }
     }
 
-    /// How near it wants the robot to its newest set-point; empty if it does not care.
-    fn tolerance(&self) -> JointVector {
+    const fn is_paused(&self) -> bool {
+        matches!(&self.source, Source::Trajectory(trajectory) if trajectory.is_paused())
+    }
+
+    /// How near it wants the robot to its newest set-point, in position and velocity; empty if it
+    /// does not care.
+    fn tolerance(&self, period_s: f64) -> (JointVector, JointVector) {
         match &self.source {
-            Source::Jog(_) => JointVector::EMPTY,
-            Source::Trajectory(trajectory) => trajectory.tolerance(),
+            Source::Trajectory(trajectory) => trajectory.tolerance(period_s),
+            _ => (JointVector::EMPTY, JointVector::EMPTY),
         }
     }
 
+    /// How far it has come by its own clock, which is that of its path: at half the speed it takes
+    /// twice as long.
     pub(super) fn progress(&self, period_s: f64) -> MotionProgress {
-        let (elapsed_s, duration_s, waypoint) = match &self.source {
-            Source::Jog(jog) => (jog.elapsed_s(period_s), jog.duration_s(), 0),
-            Source::Trajectory(trajectory) => {
-                (trajectory.elapsed_s(period_s), trajectory.duration_s(), trajectory.waypoint())
+        let (elapsed_s, duration_s, waypoint, rate, paused) = match &self.source {
+            Source::Braked(_, progress) => return *progress,
+            Source::Jog(jog) => (jog.elapsed_s(period_s), jog.duration_s(), 0, 1.0, false),
+            Source::DeadMan(jog) => {
+                (jog.elapsed_s(period_s), jog.duration_s(period_s), 0, 1.0, false)
+            }
+            Source::Home(home) => {
+                (home.elapsed_s(period_s), home.duration_s(), home.groups_done(), 1.0, false)
+            }
+            Source::Trajectory(trajectory) => (
+                trajectory.elapsed_s(period_s),
+                trajectory.duration_s(),
+                trajectory.waypoint(),
+                trajectory.rate(),
+                trajectory.is_paused(),
+            ),
+            // Of its time nothing is known: its clock is the share of the way.
+            Source::Delegated(delegated) => {
+                let paused = delegated.is_paused();
+                (delegated.progress(), 1.0, 0, if paused { 0.0 } else { 1.0 }, paused)
             }
         };
-        MotionProgress { id: self.id, elapsed_s, duration_s, waypoint }
+        MotionProgress { id: self.id, elapsed_s, duration_s, waypoint, rate, paused, queued: 0 }
     }
 
-    fn next(&mut self, tick: &Tick<'_>) -> Next {
+    fn next(
+        &mut self,
+        tick: &Tick<'_>,
+        drive: &Drive<'_>,
+        held: &MotionState,
+        limits: &MotionLimits,
+    ) -> Next {
         match &mut self.source {
-            Source::Jog(jog) => jog.next(tick.period_s()),
-            Source::Trajectory(trajectory) => trajectory.next(tick.now, tick.params.period),
+            Source::Jog(jog) => jog.next(drive),
+            Source::DeadMan(jog) => jog.next(drive),
+            Source::Home(home) => home.next(drive),
+            Source::Trajectory(trajectory) => trajectory.next(tick, held, limits),
+            // With its ramp over it has ended; the controller's own move is looked after elsewhere.
+            Source::Braked(..) | Source::Delegated(_) => Next::Waiting,
         }
     }
 
@@ -126,8 +231,11 @@ impl Motion {
                 self.queued = true;
                 ActionStatus::Queued
             }
-            Next::Moving(_) | Next::Last(_) if self.started.is_none() => {
+            Next::Moving(_) | Next::Last(_) | Next::Over(_) if self.started.is_none() => {
                 self.started = Some(tick.now);
+                if self.is_paused() {
+                    return;
+                }
                 ActionStatus::Running
             }
             _ => return,
@@ -136,22 +244,44 @@ impl Motion {
         tick.event(LoopEvent::Motion(report));
     }
 
+    /// Says that it has begun, if that is not said yet, though it makes no set-points.
+    fn announce_running(&mut self, tick: &mut Tick<'_>) {
+        if self.started.is_none() {
+            self.started = Some(tick.now);
+            let report = self.report(ActionStatus::Running, None, tick.period_s());
+            tick.event(LoopEvent::Motion(report));
+        }
+    }
+
     fn report(&self, status: ActionStatus, reason: Option<Refusal>, period_s: f64) -> MotionReport {
         let (kind, progress) = (self.kind(), self.progress(period_s));
-        MotionReport { id: self.id, kind, status, reason, started: self.started, progress }
+        let executor = if self.is_controllers() { Executor::Controller } else { Executor::Agent };
+        let started = self.started;
+        MotionReport { id: self.id, kind, executor, status, reason, started, progress }
     }
 }
 
 impl LoopState {
     /// The set-point of this tick, if a stream is alive.
     pub(super) fn set_point(&mut self, tick: &mut Tick<'_>) -> Option<SetPoint> {
+        self.follow_homing(tick);
+        self.follow_delegated(tick);
+        if self.controller_moves() {
+            self.break_off(tick);
+        }
         self.limiter.last()?;
+        self.look_ahead(tick);
         let (desired, end) = self.desired(tick)?;
         self.emit(tick, &desired, end)
     }
 
-    /// Ends the motion, if there is one: its one terminal status.
+    /// Ends the motion, if there is one: its one terminal status. All that waits for it ends too,
+    /// and one on a path is brought to rest on it; what else moves, the caller has to see to.
     pub(super) fn end_motion(&mut self, tick: &mut Tick<'_>, end: End) {
+        self.finish_motion(tick, end, Remains::Braked);
+    }
+
+    fn finish_motion(&mut self, tick: &mut Tick<'_>, end: End, remains: Remains) {
         let Some(motion) = self.motion.take() else {
             return;
         };
@@ -163,35 +293,86 @@ impl LoopState {
             End::Cancelled(reason) => (ActionStatus::Cancelled, Some(reason)),
             End::Failed(reason) => (ActionStatus::Failed, Some(reason)),
         };
+        if motion.is_controllers() && status != ActionStatus::Complete && !motion.cancelling {
+            self.stop_own_motion();
+        }
         let report = motion.report(status, reason, tick.period_s());
         tick.event(LoopEvent::Motion(report));
         if let Source::Trajectory(trajectory) = motion.source {
-            tick.retire(trajectory.into_trajectory());
+            let moves = end != End::Complete && remains == Remains::Braked;
+            self.leave_behind(tick, trajectory, moves, end.is_urgent());
         }
+        if end == End::Complete {
+            self.promote(tick);
+        } else {
+            self.drop_waiting(tick, 0, Refusal::QueueBroken);
+        }
+    }
+
+    /// Brings the motion to rest that is being cancelled.
+    fn brake_motion(&mut self, tick: &mut Tick<'_>) {
+        let Some(motion) = self.motion.as_mut() else { return };
+        if let Source::Trajectory(trajectory) = &motion.source {
+            let braked = Source::Braked(trajectory.kind(), motion.progress(tick.period_s()));
+            if let Source::Trajectory(trajectory) = std::mem::replace(&mut motion.source, braked) {
+                self.leave_behind(tick, trajectory, true, false);
+            }
+        }
+        self.decelerate(tick);
     }
 
     /// What the source in charge asks for, and whether the motion ends with it.
     fn desired(&mut self, tick: &mut Tick<'_>) -> Option<(MotionState, Option<End>)> {
         if self.ramp.is_some() {
-            return self.ramp_step();
+            return self.ramp_step(tick);
         }
+        let held = *self.limiter.last()?;
+        let limits = self.limits_in_force(tick.params);
         let Some(motion) = self.motion.as_mut() else {
-            return Some((self.limiter.toward(&self.hold)?, None));
+            let state = self.stream_step(tick).or_else(|| self.limiter.toward(&self.hold))?;
+            return Some((state, None));
         };
-        let next = motion.next(tick);
+        let drive = Drive {
+            params: tick.params,
+            now: tick.now,
+            period_s: tick.period_s(),
+            limits,
+            speed_ratio: self.speed_ratio,
+            equipment: &self.equipment,
+        };
+        let next = motion.next(tick, &drive, &held, &self.limits);
         motion.announce(tick, &next);
         match next {
             Next::Waiting => Some((self.limiter.toward(&self.hold)?, None)),
             Next::Approaching(state) | Next::Moving(state) => Some((state, None)),
+            Next::Over(state) => {
+                self.go_over(tick);
+                Some((state, None))
+            }
             Next::Last(state) => {
                 self.hold = state.position;
                 Some((state, Some(End::Complete)))
             }
-            Next::Missed(late_s) => {
-                self.end_motion(tick, End::Failed(Refusal::StartMissed { late_s }));
-                self.decelerate(tick);
-                self.ramp_step().or_else(|| Some((self.limiter.toward(&self.hold)?, None)))
-            }
+            Next::Failed(refusal) => self.give_up(tick, refusal),
+        }
+    }
+
+    /// Ends a motion that cannot go on.
+    fn give_up(&mut self, tick: &mut Tick<'_>, why: Refusal) -> Option<(MotionState, Option<End>)> {
+        self.end_motion(tick, End::Failed(why));
+        self.decelerate(tick);
+        self.ramp_step(tick).or_else(|| Some((self.limiter.toward(&self.hold)?, None)))
+    }
+
+    /// What a motion is given at this tick, under these limits.
+    pub(super) fn drive<'a>(&'a self, tick: &Tick<'a>, limits: MotionLimits) -> Drive<'a> {
+        Drive {
+            params: tick.params,
+            now: tick.now,
+            period_s: tick.period_s(),
+            limits,
+            speed_ratio: self.speed_ratio,
+            equipment: &self.equipment,
         }
     }
 
@@ -206,8 +387,10 @@ impl LoopState {
             self.latch(tick, fault(FaultCode::LoopError, tick.now, 0.0));
             return None;
         };
-        let tolerance = self.motion.as_ref().map_or(JointVector::EMPTY, Motion::tolerance);
-        self.tracking.record(tick.now, set_point.joint_position, tolerance);
+        let none = (JointVector::EMPTY, JointVector::EMPTY);
+        let tolerance = self.motion.as_ref().map_or(none, |m| m.tolerance(tick.period_s()));
+        let velocity = self.limiter.last().map_or(JointVector::EMPTY, |last| last.velocity);
+        self.tracking.record(tick.now, set_point.joint_position, velocity, tolerance);
         if let Some(end) = end {
             self.end_motion(tick, end);
         }

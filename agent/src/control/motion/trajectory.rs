@@ -4,10 +4,19 @@
 //! waiting --start is near--> lead-in --at the first waypoint--> clock 0, 1, .. --> last waypoint
 //! ```
 //!
-//! **The clock counts ticks, not time.** It advances by exactly one period per set-point sent. So a
-//! late wake, or a whole period missed, delays the motion and cannot make it jump: every
-//! difference of set-points is one that the trajectory was validated for. A late wake is legal by
-//! construction, and nothing needs to catch up.
+//! **The clock counts ticks, not time.** It advances by exactly one period per set-point sent, times
+//! the speed ratio. So a late wake, or a whole period missed, delays the motion and cannot make it
+//! jump: every difference of set-points is one that the trajectory was validated for. A late wake
+//! is legal by construction, and nothing needs to catch up.
+//!
+//! At full speed the set-points are plain samples. The first order to pause, to go slower or to go
+//! over to another trajectory puts the motion on an [`OnPath`], which then makes them at whatever
+//! rate is asked for, jerk-limited, without ever leaving the curve. Resumed at full speed, its
+//! clock is again that of the ticks.
+//!
+//! In operational mode `manual_reduced_speed` the rate is at most the one at which no joint is
+//! faster than its reduced limits, taken from the exact highest speeds and accelerations of the
+//! whole trajectory: the lower of that and the speed ratio counts.
 //!
 //! A start at an instant is at the tick nearest to it. If the position held is not exactly the
 //! first waypoint, since it was taken from a measurement, a slow move there comes before. It is
@@ -22,41 +31,60 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{
-    CompiledTrajectory, JointMove, JointVector, MonoTime, MotionLimits, MotionState,
+    CompiledTrajectory, JointVector, MonoTime, MotionLimits, MotionState, OnPath, OnlineState,
 };
+use armada_protocol::messages::{MotionKind, ReducedLimits};
 
 use super::Next;
-use super::jog::move_refusal;
+use super::course::{Course, Entry, Exit, Leg};
+use super::lead_in::{LeadIn, whole_ticks};
+use super::queue::Waiting;
 use crate::control::io::{FollowOrder, Params, Refusal};
 use crate::control::state::Tick;
 
 /// Speed of the way to the first waypoint, as a share of each joint's limit.
 const LEAD_IN_SPEED: f64 = 0.1;
-/// Distance \[rad or m\] that is no distance.
-const SAME: f64 = 1e-9;
-/// By what share of a period a clock may be beyond its end by rounding.
-const ROUNDING: f64 = 1e-6;
+/// The same where the way may be long, since the trajectory took the place of another.
+const REPLACING_SPEED: f64 = 0.5;
 
 /// A trajectory being followed, or waiting for its start.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(in crate::control) struct TrajectoryMotion {
-    trajectory: Arc<CompiledTrajectory>,
+    pub(super) course: Course,
+    kind: MotionKind,
     start: Option<MonoTime>,
-    lead_in: Option<LeadIn>,
-    /// Set-points sent after the first; none before that.
-    clock: Option<u64>,
-    /// The clock at the last set-point.
-    last: u64,
+    opening: Opening,
+    pace: Pace,
+    /// The rate that is asked for.
+    ratio: f64,
+    /// The highest rate that is allowed.
+    cap: f64,
+    paused: bool,
     hint: usize,
     waypoint: usize,
+    /// Places at which a way into the next trajectory was looked for.
+    pub(super) attempts: u8,
 }
 
-/// The way to the first waypoint, with its time in ticks.
-#[derive(Debug)]
-struct LeadIn {
-    plan: JointMove,
-    ticks: u32,
-    last: u32,
+/// The way to the first waypoint.
+#[derive(Clone, Debug)]
+enum Opening {
+    /// To be planned when the robot is at rest, at this share of the speed limits.
+    Unplanned(f64),
+    /// None if there is no distance.
+    Planned(Option<LeadIn>),
+}
+
+/// How the phase goes on.
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
+enum Pace {
+    /// Not yet.
+    Before,
+    /// By one period a tick: set-points sent after the first.
+    Ticks(u64),
+    /// At a rate that changes.
+    Path(OnPath),
 }
 
 /// Where a trajectory is begun.
@@ -68,139 +96,421 @@ pub(in crate::control) struct StartPoint<'a> {
     pub(in crate::control) measured: &'a JointVector,
 }
 
+/// How fast trajectories may be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Speed<'a> {
+    /// Of all motions.
+    pub(super) ratio: f64,
+    /// Limits of joints at reduced speed, where they are in force.
+    pub(super) reduced: Option<&'a [ReducedLimits]>,
+}
+
+impl Speed<'_> {
+    fn cap(&self, leg: &Leg) -> f64 {
+        self.reduced.map_or(1.0, |reduced| leg.reduced_rate(reduced))
+    }
+
+    fn lead_in(&self, share: f64, limits: &MotionLimits) -> f64 {
+        let joints = self.reduced.unwrap_or_default().iter().zip(limits.iter());
+        joints.fold(share, |share, (reduced, axis)| share.min(reduced.velocity / axis.velocity))
+    }
+}
+
 impl TrajectoryMotion {
     /// Makes ready to follow, if the robot is where the trajectory begins and in time.
-    pub(in crate::control) fn plan(
+    pub(super) fn plan(
         order: &FollowOrder,
         from: &StartPoint<'_>,
+        speed: &Speed<'_>,
         limits: &MotionLimits,
         tick: &Tick<'_>,
     ) -> Result<Self, Refusal> {
-        let (given, expected) = (order.trajectory.joint_count(), limits.len());
-        if given != expected {
-            return Err(Refusal::WrongLength { given, expected });
-        }
         let first = order.trajectory.start();
-        check_near(&first, from.measured, tick.params)?;
-        check_near(&first, &from.held.position, tick.params)?;
+        let tolerance = &tick.params.start_tolerance;
+        check_near(&first, from.measured, tolerance)?;
+        check_near(&first, &from.held.position, tolerance)?;
         let period = tick.params.period;
-        let lead_in = LeadIn::plan(from.held, &first, limits, period)?;
+        let share = speed.lead_in(LEAD_IN_SPEED, limits);
+        let lead_in = LeadIn::plan(&from.held.position, &first, share, limits, period)?;
         if let Some(start) = order.start {
             let earliest = tick.now + lead_in.as_ref().map_or(Duration::ZERO, |l| l.lead(period));
             check_in_time(start, earliest, period)
                 .map_err(|late_s| Refusal::StartMissed { late_s })?;
         }
-        Ok(Self {
-            trajectory: Arc::clone(&order.trajectory),
-            start: order.start,
-            lead_in,
-            clock: None,
-            last: whole_ticks(order.trajectory.duration_s(), period.as_secs_f64()),
+        let leg = Leg::new(Arc::clone(&order.trajectory));
+        let opening = Opening::Planned(lead_in);
+        Ok(Self { start: order.start, opening, ..Self::on(leg, order.kind, speed) })
+    }
+
+    /// To be begun when the robot stands, from wherever that is.
+    pub(super) fn later(
+        trajectory: Arc<CompiledTrajectory>,
+        kind: MotionKind,
+        speed: &Speed<'_>,
+        is_far: bool,
+        limits: &MotionLimits,
+    ) -> Self {
+        let share = if is_far { REPLACING_SPEED } else { LEAD_IN_SPEED };
+        let opening = Opening::Unplanned(speed.lead_in(share, limits));
+        Self { opening, ..Self::on(Leg::new(trajectory), kind, speed) }
+    }
+
+    /// Begun already, on a path that leads onto `leg` at the phase it is at.
+    fn under_way(leg: Leg, kind: MotionKind, speed: &Speed<'_>, path: OnPath) -> Self {
+        Self { pace: Pace::Path(path), ..Self::on(leg, kind, speed) }
+    }
+
+    fn on(leg: Leg, kind: MotionKind, speed: &Speed<'_>) -> Self {
+        Self {
+            kind,
+            start: None,
+            opening: Opening::Planned(None),
+            pace: Pace::Before,
+            ratio: speed.ratio,
+            cap: speed.cap(&leg),
+            paused: false,
             hint: 0,
             waypoint: 0,
-        })
+            attempts: 0,
+            course: Course::new(leg),
+        }
     }
 
-    pub(super) fn into_trajectory(self) -> Arc<CompiledTrajectory> {
-        self.trajectory
+    pub(super) const fn kind(&self) -> MotionKind {
+        self.kind
     }
 
-    pub(super) const fn is_under_way(&self) -> bool {
-        self.clock.is_some() || matches!(&self.lead_in, Some(lead_in) if lead_in.ticks > 0)
+    pub(super) fn into_course(self) -> Course {
+        self.course
+    }
+
+    /// Whether it makes the set-points.
+    pub(super) fn is_under_way(&self) -> bool {
+        self.has_begun()
+            || matches!(&self.opening, Opening::Planned(Some(lead_in)) if lead_in.has_begun())
+    }
+
+    /// Whether its clock runs.
+    pub(super) const fn has_begun(&self) -> bool {
+        !matches!(self.pace, Pace::Before)
+    }
+
+    pub(super) const fn waits_for_instant(&self) -> bool {
+        self.start.is_some() && !self.has_begun()
+    }
+
+    pub(super) const fn is_paused(&self) -> bool {
+        self.paused
+    }
+
+    /// How fast the clock runs.
+    pub(super) const fn rate(&self) -> f64 {
+        match &self.pace {
+            Pace::Before => 0.0,
+            Pace::Ticks(_) => 1.0,
+            Pace::Path(path) => path.rate(),
+        }
+    }
+
+    /// Where it is on its course \[s\].
+    pub(super) fn phase_s(&self, period_s: f64) -> f64 {
+        match &self.pace {
+            Pace::Before => 0.0,
+            Pace::Ticks(clock) => *clock as f64 * period_s,
+            Pace::Path(path) => path.phase_s(),
+        }
     }
 
     pub(super) fn elapsed_s(&self, period_s: f64) -> f64 {
-        (self.clock.unwrap_or(0) as f64 * period_s).min(self.duration_s())
+        match &self.pace {
+            Pace::Before => 0.0,
+            _ => self.course.leg.clock_s(self.phase_s(period_s)),
+        }
     }
 
     pub(super) fn duration_s(&self) -> f64 {
-        self.trajectory.duration_s()
+        self.course.leg.trajectory.duration_s()
     }
 
     pub(super) fn waypoint(&self) -> u32 {
         u32::try_from(self.waypoint).unwrap_or(u32::MAX)
     }
 
-    /// What the waypoint passed last asks for; nothing on the way to the first one.
-    pub(super) fn tolerance(&self) -> JointVector {
-        let asked = self.clock.map(|_| self.trajectory.tolerance(self.waypoint).position);
+    /// What the waypoint passed last asks for, position and velocity; nothing on the way to the
+    /// first one.
+    pub(super) fn tolerance(&self, period_s: f64) -> (JointVector, JointVector) {
+        if !self.has_begun() || self.course.leg.is_entry(self.phase_s(period_s)) {
+            return (JointVector::EMPTY, JointVector::EMPTY);
+        }
+        let asked = self.course.leg.trajectory.tolerance(self.waypoint);
         // Finite and one per joint, since it was compiled.
-        asked.and_then(|row| JointVector::from_slice(row).ok()).unwrap_or_default()
+        let row = |row| JointVector::from_slice(row).unwrap_or_default();
+        (row(asked.position), row(asked.velocity))
     }
 
-    pub(super) fn next(&mut self, now: MonoTime, period: Duration) -> Next {
-        let clock = match self.clock {
-            Some(clock) => clock + 1,
-            None => match self.before_start(now, period) {
-                Some(next) => return next,
-                None => 0,
+    /// Changes the speed of this motion; at once if it has not begun, else jerk-limited.
+    pub(super) fn set_ratio(&mut self, ratio: f64, limits: &MotionLimits, period_s: f64) {
+        self.ratio = ratio;
+        if self.has_begun() && (self.rate_asked() < 1.0 || self.is_on_path()) {
+            self.demand(limits, period_s);
+        }
+    }
+
+    /// Comes to rest on the path, or goes on; returns whether that is a change.
+    pub(super) fn set_paused(
+        &mut self,
+        paused: bool,
+        limits: &MotionLimits,
+        period_s: f64,
+    ) -> bool {
+        if self.paused == paused {
+            return false;
+        }
+        self.paused = paused;
+        if self.has_begun() {
+            self.demand(limits, period_s);
+        }
+        true
+    }
+
+    /// Stops for good on the path, if it can: on a path, and in motion on it.
+    pub(super) fn stop(&mut self, limits: &MotionLimits, period_s: f64) -> bool {
+        self.has_begun() && self.path(limits, period_s).map(OnPath::stop).is_some()
+    }
+
+    /// The next state of a motion that was stopped, and whether it rests there.
+    pub(super) fn stopping(&mut self, period_s: f64) -> Option<(MotionState, bool)> {
+        let Pace::Path(path) = &mut self.pace else { return None };
+        let state = path.tick(&self.course, period_s);
+        self.waypoint = self.course.leg.waypoint_at(state.phase_s, &mut self.hint);
+        Some((state.state.motion_state(), path.is_at_rest()))
+    }
+
+    /// The state on the course as at full speed, and its phase; none while the rate changes, when
+    /// the course ahead is not free to be changed.
+    pub(super) fn steady_state(&mut self, period_s: f64) -> Option<(f64, OnlineState)> {
+        let phase_s = self.phase_s(period_s);
+        let steady = match &self.pace {
+            Pace::Before => false,
+            Pace::Ticks(_) => true,
+            Pace::Path(path) => path.committed_s() <= phase_s,
+        };
+        steady.then(|| (phase_s, self.course.state(phase_s, &mut self.hint)))
+    }
+
+    /// Up to which phase \[s\] the course must stay what it is.
+    pub(super) fn committed_s(&self, period_s: f64) -> f64 {
+        match &self.pace {
+            Pace::Path(path) => path.committed_s(),
+            _ => self.phase_s(period_s),
+        }
+    }
+
+    /// Lets the next motion follow without a rest; gives it back if it is too late for that.
+    pub(super) fn attach(
+        &mut self,
+        exit: Exit,
+        speed: &Speed<'_>,
+        limits: &MotionLimits,
+        period_s: f64,
+    ) -> Result<(), Exit> {
+        let reduced = speed.reduced.map_or(1.0, |reduced| {
+            exit.entry.reduced_rate(reduced).min(exit.next.leg().reduced_rate(reduced))
+        });
+        if self.committed_s(period_s) > exit.leave_s || self.path(limits, period_s).is_none() {
+            return Err(exit);
+        }
+        self.course.exit = Some(exit);
+        self.cap = self.cap.min(reduced);
+        self.refit();
+        self.demand(limits, period_s);
+        Ok(())
+    }
+
+    /// Takes the next motion off again, if it is not too late for that.
+    pub(super) fn detach(&mut self, speed: &Speed<'_>, period_s: f64) -> Option<Waiting> {
+        let committed_s = self.committed_s(period_s);
+        self.course.exit.as_ref().filter(|exit| committed_s <= exit.leave_s)?;
+        let exit = self.course.exit.take()?;
+        self.cap = speed.cap(&self.course.leg);
+        self.refit();
+        Some(exit.next)
+    }
+
+    /// The motion after this one, on the way into which the path is now, and what this one leaves.
+    pub(super) fn go_over(self, speed: &Speed<'_>) -> Option<(Waiting, Self, Course)> {
+        let Self { mut course, pace: Pace::Path(mut path), paused, .. } = self else {
+            return None;
+        };
+        let Exit { leave_s, next, entry } = course.exit.take()?;
+        let leg = Leg { entry: Some(entry), ..next.leg() };
+        let after_s = (path.phase_s() - leave_s).max(0.0);
+        let kind = next.kind;
+        path.go_over(&Course::new(leg.clone()), after_s).ok()?;
+        let mut motion = Self::under_way(leg, kind, speed, path);
+        motion.paused = paused;
+        // What limited both limits no longer.
+        motion.follow_demand();
+        Some((next, motion, course))
+    }
+
+    /// A motion that takes the place of this one from where it is, in motion. This one is over.
+    pub(super) fn give_way(
+        &mut self,
+        entry: Entry,
+        order: &FollowOrder,
+        speed: &Speed<'_>,
+        limits: &MotionLimits,
+        period_s: f64,
+    ) -> Option<Self> {
+        let leg = Leg { trajectory: Arc::clone(&order.trajectory), entry: Some(entry) };
+        let mut path = self.path(limits, period_s)?.clone();
+        path.go_over(&Course::new(leg.clone()), 0.0).ok()?;
+        let mut motion = Self::under_way(leg, order.kind, speed, path);
+        motion.follow_demand();
+        Some(motion)
+    }
+
+    pub(super) fn next(
+        &mut self,
+        tick: &Tick<'_>,
+        held: &MotionState,
+        limits: &MotionLimits,
+    ) -> Next {
+        let (now, period) = (tick.now, tick.params.period);
+        match &mut self.pace {
+            Pace::Before => match self.before_start(now, period, held, limits) {
+                Some(next) => next,
+                None => self.begin(limits),
             },
+            Pace::Ticks(clock) => {
+                *clock += 1;
+                let clock = *clock;
+                self.sampled(clock, period.as_secs_f64())
+            }
+            Pace::Path(path) => {
+                let state = path.tick(&self.course, period.as_secs_f64());
+                let finished = path.is_finished();
+                self.on_path(state.phase_s, state.state.motion_state(), finished)
+            }
+        }
+    }
+
+    /// Clock zero.
+    fn begin(&mut self, limits: &MotionLimits) -> Next {
+        if self.rate_asked() == 1.0 {
+            self.pace = Pace::Ticks(0);
+            return self.sampled(0, 1.0);
+        }
+        // Never refused: the trajectory has as many joints as the robot.
+        let Ok(path) = OnPath::start(&self.course, limits) else {
+            return Next::Failed(Refusal::NotReady);
         };
-        self.clock = Some(clock);
+        self.pace = Pace::Path(path);
+        self.follow_demand();
+        let start = self.course.state(0.0, &mut self.hint);
+        Next::Moving(start.motion_state())
+    }
+
+    fn sampled(&mut self, clock: u64, period_s: f64) -> Next {
+        let trajectory = &self.course.leg.trajectory;
+        let last = whole_ticks(trajectory.duration_s(), period_s);
         // Exactly the end, not where rounding of the clock has it.
-        let time_s = if clock >= self.last {
-            self.duration_s()
-        } else {
-            clock as f64 * period.as_secs_f64()
-        };
-        let sample = self.trajectory.sample(time_s, &mut self.hint);
+        let ended = clock > 0 && clock >= last;
+        let time_s = if ended { trajectory.duration_s() } else { clock as f64 * period_s };
+        let sample = trajectory.sample(time_s, &mut self.hint);
         self.waypoint = sample.waypoint;
         let state = MotionState { position: sample.position, velocity: sample.velocity };
-        if clock >= self.last { Next::Last(state) } else { Next::Moving(state) }
+        if ended { Next::Last(state) } else { Next::Moving(state) }
+    }
+
+    fn on_path(&mut self, phase_s: f64, state: MotionState, finished: bool) -> Next {
+        if self.course.exit.as_ref().is_some_and(|exit| phase_s >= exit.leave_s) {
+            return Next::Over(state);
+        }
+        self.waypoint = self.course.leg.waypoint_at(phase_s, &mut self.hint);
+        if finished { Next::Last(state) } else { Next::Moving(state) }
     }
 
     /// What is to be done before clock zero, unless that is now.
-    fn before_start(&mut self, now: MonoTime, period: Duration) -> Option<Next> {
-        if !self.is_under_way() {
-            let lead = self.lead_in.as_ref().map_or(Duration::ZERO, |lead_in| lead_in.lead(period));
+    fn before_start(
+        &mut self,
+        now: MonoTime,
+        period: Duration,
+        held: &MotionState,
+        limits: &MotionLimits,
+    ) -> Option<Next> {
+        if let Opening::Unplanned(share) = self.opening {
+            let first = self.course.leg.trajectory.start();
+            match LeadIn::plan(&held.position, &first, share, limits, period) {
+                Ok(lead_in) => self.opening = Opening::Planned(lead_in),
+                Err(refusal) => return Some(Next::Failed(refusal)),
+            }
+        }
+        let under_way = self.is_under_way();
+        let Opening::Planned(lead_in) = &mut self.opening else { return None };
+        if !under_way {
+            let lead = lead_in.as_ref().map_or(Duration::ZERO, |lead_in| lead_in.lead(period));
             if self.start.is_some_and(|start| now + lead + period / 2 < start) {
                 return Some(Next::Waiting);
             }
         }
-        if let Some(state) = self.lead_in.as_mut().and_then(|lead_in| lead_in.next(period)) {
+        if let Some(state) = lead_in.as_mut().and_then(|lead_in| lead_in.next(period)) {
             return Some(Next::Approaching(state));
         }
-        self.start.and_then(|start| check_in_time(start, now, period).err()).map(Next::Missed)
+        let missed = self.start.and_then(|start| check_in_time(start, now, period).err());
+        missed.map(|late_s| Next::Failed(Refusal::StartMissed { late_s }))
     }
-}
 
-impl LeadIn {
-    /// The way from the position held to the first waypoint; none if there is no distance.
-    fn plan(
-        held: &MotionState,
-        first: &JointVector,
-        limits: &MotionLimits,
-        period: Duration,
-    ) -> Result<Option<Self>, Refusal> {
-        if held.position.max_abs_difference(first) <= SAME {
-            return Ok(None);
+    fn rate_asked(&self) -> f64 {
+        if self.paused { 0.0 } else { self.ratio.min(self.cap) }
+    }
+
+    const fn is_on_path(&self) -> bool {
+        matches!(self.pace, Pace::Path(_))
+    }
+
+    /// The path, which it is put on if it was not yet; none before clock zero.
+    fn path(&mut self, limits: &MotionLimits, period_s: f64) -> Option<&mut OnPath> {
+        if let Pace::Ticks(clock) = self.pace {
+            let at_s = clock as f64 * period_s;
+            self.pace = Pace::Path(OnPath::join(&self.course, limits, at_s).ok()?);
         }
-        let speed = first.map_indexed(|joint, _| {
-            limits.get(joint).map_or(0.0, |axis| LEAD_IN_SPEED * axis.velocity)
-        });
-        // A share of the limits is within the limits.
-        let limits = limits.with_max_velocity(&speed).unwrap_or(*limits);
-        let plan = JointMove::plan(held, first, &limits).map_err(move_refusal)?;
-        let last = whole_ticks(plan.duration_s(), period.as_secs_f64());
-        Ok(Some(Self { plan, ticks: 0, last: u32::try_from(last).unwrap_or(u32::MAX) }))
+        match &mut self.pace {
+            Pace::Path(path) => Some(path),
+            _ => None,
+        }
     }
 
-    /// How long before clock zero its first set-point is sent.
-    const fn lead(&self, period: Duration) -> Duration {
-        period.saturating_mul(self.last.saturating_sub(1))
+    fn demand(&mut self, limits: &MotionLimits, period_s: f64) {
+        if self.path(limits, period_s).is_some() {
+            self.follow_demand();
+        }
     }
 
-    /// Its next set-point, but for the last, which is that of clock zero.
-    fn next(&mut self, period: Duration) -> Option<MotionState> {
-        self.ticks = self.ticks.saturating_add(1);
-        (self.ticks < self.last).then(|| self.plan.at(f64::from(self.ticks) * period.as_secs_f64()))
+    fn follow_demand(&mut self) {
+        let (ratio, paused) = (self.ratio.min(self.cap), self.paused);
+        if let Pace::Path(path) = &mut self.pace {
+            // Refused for a stopped path only, which nobody asks anything of.
+            let _ = path.set_speed_ratio(ratio);
+            let _ = if paused { path.pause() } else { path.resume() };
+        }
+    }
+
+    /// The course has changed beyond what is committed.
+    fn refit(&mut self) {
+        if let Pace::Path(path) = &mut self.pace {
+            let phase_s = path.phase_s();
+            // Never refused: as many joints as before.
+            let _ = path.go_over(&self.course, phase_s);
+        }
     }
 }
 
-/// The lowest number of periods, one at least, that is not shorter than `duration_s`.
-fn whole_ticks(duration_s: f64, period_s: f64) -> u64 {
-    // Saturates.
-    ((duration_s / period_s - ROUNDING).ceil() as u64).max(1)
+impl Leg {
+    fn waypoint_at(&self, phase_s: f64, hint: &mut usize) -> usize {
+        self.trajectory.waypoint_at(self.clock_s(phase_s), hint)
+    }
 }
 
 /// How late \[s\] a start at `now` would be for `start`, if that is too late.
@@ -209,13 +519,33 @@ fn check_in_time(start: MonoTime, now: MonoTime, period: Duration) -> Result<(),
     if late > period { Err(late.as_secs_f64()) } else { Ok(()) }
 }
 
-fn check_near(first: &JointVector, actual: &JointVector, params: &Params) -> Result<(), Refusal> {
-    let joints = first.iter().zip(actual.iter()).zip(params.start_tolerance.iter());
+pub(super) fn check_near(
+    first: &JointVector,
+    actual: &JointVector,
+    limits: &JointVector,
+) -> Result<(), Refusal> {
+    let joints = first.iter().zip(actual.iter()).zip(limits.iter());
     for (joint, ((first, actual), &limit)) in joints.enumerate() {
         let value = (first - actual).abs();
         if value > limit {
             return Err(Refusal::StartTolerance { joint, value, limit });
         }
+    }
+    Ok(())
+}
+
+/// Refuses a trajectory that does not suit the robot.
+pub(super) fn check_suits(
+    order: &FollowOrder,
+    params: &Params,
+    measures_velocity: bool,
+) -> Result<(), Refusal> {
+    let (given, expected) = (order.trajectory.joint_count(), params.limits.len());
+    if given != expected {
+        return Err(Refusal::WrongLength { given, expected });
+    }
+    if order.trajectory.has_velocity_tolerance() && !measures_velocity {
+        return Err(Refusal::NotSupported("measured speeds, which velocity_tolerance needs"));
     }
     Ok(())
 }

@@ -1,11 +1,22 @@
 //! Tests of the whole step, on an invented clock and a simulated plant.
 
+mod authority;
+mod authority_model;
 mod controller;
 mod faults;
+mod flags;
+mod home;
 mod jog;
+mod jog_cartesian;
+mod jog_joint;
 mod limiter;
+mod mode_model;
 mod modes;
+mod pause;
 mod properties;
+mod queue;
 mod rig;
 mod stop;
+mod stream;
+mod stream_tracking;
 mod trajectory;

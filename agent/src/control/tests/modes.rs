@@ -1,14 +1,29 @@
+//! The mode table, and what a change of mode does.
+
 use armada_protocol::messages::{
     ActionStatus, CommandMode, ControllerState, FaultCode, RobotFlags, StopLevel,
 };
 
-use super::rig::{Rig, follow, jog, trajectory};
-use crate::control::{LoopEvent, Order, Refusal};
+use super::rig::{Rig, follow, jog, joints, params, trajectory};
+use crate::control::{LoopAbilities, LoopEvent, Order, Params, Refusal};
+use crate::drivers::JointSet;
 
-use CommandMode::{Halt, InvalidState, Jog, Trajectory};
+use CommandMode::{Halt, Homing, InvalidState, Jog, PositionCommand, Trajectory, VelocityCommand};
+
+const MODES: [CommandMode; 7] =
+    [InvalidState, Halt, Jog, Trajectory, PositionCommand, VelocityCommand, Homing];
+
+/// A robot that has every mode.
+fn rig_with_all_modes() -> Rig {
+    let home = vec![None, Some(0.0), None];
+    let mut rig = Rig::with(Params { home, ..params() });
+    rig.tick();
+    assert_eq!(rig.mode(), Halt);
+    rig
+}
 
 fn in_fault() -> Rig {
-    let mut rig = Rig::in_mode(Halt);
+    let mut rig = rig_with_all_modes();
     rig.plant.error_code = 7;
     rig.tick();
     assert_eq!(rig.mode(), InvalidState);
@@ -16,44 +31,94 @@ fn in_fault() -> Rig {
 }
 
 fn rig_in(mode: CommandMode) -> Rig {
-    if mode == InvalidState { in_fault() } else { Rig::in_mode(mode) }
+    if mode == InvalidState {
+        return in_fault();
+    }
+    let mut rig = rig_with_all_modes();
+    rig.ask(Order::SetMode(mode)).expect("halt leads to every mode");
+    rig
 }
 
 #[test]
 fn every_cell_of_the_mode_table_holds() {
     let faulted = Refusal::Faulted(FaultCode::ControllerError);
-    let through_halt = |mode, wanted| Err(Refusal::ThroughHalt { mode, wanted });
-    let table = [
-        (Halt, Halt, Ok(Halt)),
-        (Halt, Jog, Ok(Jog)),
-        (Halt, Trajectory, Ok(Trajectory)),
-        (Jog, Halt, Ok(Halt)),
-        (Jog, Jog, Ok(Jog)),
-        (Jog, Trajectory, through_halt(Jog, Trajectory)),
-        (Trajectory, Halt, Ok(Halt)),
-        (Trajectory, Jog, through_halt(Trajectory, Jog)),
-        (Trajectory, Trajectory, Ok(Trajectory)),
-        (InvalidState, Halt, Err(faulted)),
-        (InvalidState, Jog, Err(faulted)),
-        (InvalidState, Trajectory, Err(faulted)),
-    ];
-    for (from, to, expected) in table {
-        let mut rig = rig_in(from);
-        let answer = rig.ask(Order::SetMode(to));
-        assert_eq!(answer.map(|granted| granted.command_mode), expected, "{from:?} to {to:?}");
-        assert_eq!(rig.mode(), expected.unwrap_or(from), "{from:?} to {to:?}");
+    for from in MODES {
+        for to in MODES {
+            let expected = match (from, to) {
+                (_, InvalidState) => Err(Refusal::ModeNotSupported(InvalidState)),
+                (InvalidState, _) => Err(faulted),
+                (_, Halt) | (Halt, _) => Ok(to),
+                _ if from == to => Ok(to),
+                _ => Err(Refusal::ThroughHalt { mode: from, wanted: to }),
+            };
+            let mut rig = rig_in(from);
+            let answer = rig.ask(Order::SetMode(to));
+            assert_eq!(answer.map(|granted| granted.command_mode), expected, "{from:?} to {to:?}");
+            assert_eq!(rig.mode(), expected.unwrap_or(from), "{from:?} to {to:?}");
+        }
     }
 }
 
 #[test]
-fn modes_of_later_versions_are_refused_by_name_from_everywhere() {
-    use CommandMode::{Homing, PositionCommand, VelocityCommand};
-    for from in [Halt, Jog, Trajectory, InvalidState] {
-        for wanted in [InvalidState, PositionCommand, VelocityCommand, Homing] {
-            let answer = rig_in(from).ask(Order::SetMode(wanted));
-            assert_eq!(answer, Err(Refusal::ModeNotSupported(wanted)), "from {from:?}");
+fn every_mode_is_refused_with_what_is_wrong_with_the_robot() {
+    type Harm = fn(&mut Rig);
+    let silent: Harm = |rig| {
+        rig.plant.silent = true;
+        rig.ticks(20);
+    };
+    let off: Harm = |rig| (rig.plant.enabled, rig.plant.ready) = (false, false);
+    let deaf: Harm = |rig| rig.plant.ready = false;
+    let guard: Harm = |rig| rig.plant.guard_stop = true;
+    let stopped: Harm = |rig| rig.stop = Some(StopLevel::L1);
+    let guarded = Refusal::Faulted(FaultCode::GuardStop);
+    // What is wrong, the refusal of halt, of homing, and of the other motion modes.
+    let table: [(Harm, Option<Refusal>, Option<Refusal>, Refusal); 5] = [
+        (silent, Some(Refusal::CommunicationLost), Some(Refusal::CommunicationLost), {
+            Refusal::CommunicationLost
+        }),
+        (off, None, Some(Refusal::NotEnabled), Refusal::NotEnabled),
+        (deaf, None, None, Refusal::NotReady),
+        (guard, Some(guarded), Some(guarded), guarded),
+        (stopped, None, Some(Refusal::Stopped(StopLevel::L1)), Refusal::Stopped(StopLevel::L1)),
+    ];
+    for (row, (harm, halt, homing, others)) in table.into_iter().enumerate() {
+        for wanted in [Halt, Homing, Jog, Trajectory, PositionCommand, VelocityCommand] {
+            let mut rig = rig_with_all_modes();
+            harm(&mut rig);
+            rig.tick();
+            let expected = match wanted {
+                Halt => halt,
+                Homing => homing,
+                _ => Some(others),
+            };
+            let answer = rig.ask(Order::SetMode(wanted));
+            assert_eq!(answer.err(), expected, "row {row}, {wanted:?}");
         }
     }
+}
+
+#[test]
+fn homing_exists_where_the_controller_searches_references_or_a_home_is_given() {
+    let refused = Err(Refusal::ModeNotSupported(Homing));
+    assert_eq!(Rig::in_mode(Halt).ask(Order::SetMode(Homing)), refused);
+    assert!(rig_with_all_modes().ask(Order::SetMode(Homing)).is_ok());
+    let abilities = LoopAbilities { homing: true, ..LoopAbilities::default() };
+    let mut rig = Rig::with(Params { abilities, ..params() });
+    rig.tick();
+    assert!(rig.ask(Order::SetMode(Homing)).is_ok());
+}
+
+#[test]
+fn a_search_of_references_needs_drives_but_no_controller_that_takes_commands() {
+    let mut rig = rig_in(Homing);
+    rig.plant.ready = false;
+    rig.plant.homing = JointSet::first(1);
+    rig.plant.position = joints([0.5, 0.0, 0.0]);
+    rig.ticks(5);
+    assert_eq!((rig.mode(), rig.fault_codes()), (Homing, vec![]));
+    rig.plant.enabled = false;
+    rig.tick();
+    assert_eq!((rig.mode(), rig.fault_codes()), (InvalidState, vec![FaultCode::NotReady]));
 }
 
 #[test]

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::CompiledTrajectory;
-use armada_protocol::messages::{CommandMode, StopLevel};
+use armada_protocol::messages::{CommandMode, Queue, StopLevel};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use uuid::Uuid;
 
-use super::rig::{JOINTS, PERIOD, Rig, follow_with, jog, joints, params, trajectory};
+use super::rig::{JOINTS, PERIOD, Rig, follow_with, jog, joints, params, queued, trajectory};
 use crate::control::{MAX_EVENTS, Order, Params};
 
 /// Something that happens to the loop.
@@ -25,6 +25,9 @@ enum Act {
     Reset,
     Jog([f64; JOINTS]),
     Follow { start: Option<i64>, epoch: bool },
+    Queue { how: Queue, aside: f64 },
+    Pause { back: u128, paused: bool },
+    Ratio(f64),
     Cancel { back: u128 },
     Stop(Option<StopLevel>),
     Silent(bool),
@@ -64,6 +67,10 @@ fn act() -> impl Strategy<Value = Act> {
         8 => goal.prop_map(Act::Jog),
         8 => (prop::option::of(-3..80i64), any::<bool>())
             .prop_map(|(start, epoch)| Act::Follow { start, epoch }),
+        6 => (queue(), -0.04..0.04f64).prop_map(|(how, aside)| Act::Queue { how, aside }),
+        4 => (0..3u128, any::<bool>())
+            .prop_map(|(back, paused)| Act::Pause { back, paused }),
+        3 => prop_oneof![Just(1.0), Just(0.01), 0.01..1.0f64].prop_map(Act::Ratio),
         3 => (0..3u128).prop_map(|back| Act::Cancel { back }),
         4 => levels.prop_map(Act::Stop),
         1 => any::<bool>().prop_map(Act::Silent),
@@ -80,8 +87,19 @@ fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
+fn queue() -> impl Strategy<Value = Queue> {
+    prop_oneof![
+        Just(Queue::Refuse),
+        Just(Queue::Append),
+        Just(Queue::AppendBlended),
+        Just(Queue::Replace),
+    ]
+}
+
 struct Story {
     rig: Rig,
+    /// Where the trajectory ordered last ends.
+    tail: Option<armada_model::JointVector>,
     motions: u128,
     follows: usize,
 }
@@ -90,7 +108,7 @@ impl Story {
     fn new() -> Self {
         // A tolerance at which the plant follows, also after late wakes, but a block is seen.
         let params = Params { tracking_tolerance: joints([1e-3; JOINTS]), ..params() };
-        Self { rig: Rig::with(params), motions: 0, follows: 0 }
+        Self { rig: Rig::with(params), tail: None, motions: 0, follows: 0 }
     }
 
     fn play(&mut self, act: &Act) {
@@ -108,6 +126,12 @@ impl Story {
                 rig.order(jog(self.motions, goal));
             }
             Act::Follow { start, epoch } => self.follow(start, epoch),
+            Act::Queue { how, aside } => self.queue(how, aside),
+            Act::Pause { back, paused } => {
+                let id = Uuid::from_u128(self.motions.saturating_sub(back));
+                rig.order(if paused { Order::Pause(id) } else { Order::Resume(id) });
+            }
+            Act::Ratio(ratio) => drop(rig.order(Order::SetSpeedRatio(ratio))),
             Act::Cancel { back } => {
                 rig.order(Order::Cancel(Uuid::from_u128(self.motions.saturating_sub(back))));
             }
@@ -139,7 +163,21 @@ impl Story {
         let held = rig.commands.last().map_or(rig.plant.position, |sent| sent.joint_position);
         let path = path_from(held.map_indexed(|_, x| x + 0.003));
         let path = path.unwrap_or_else(|| trajectory(&[(0.0, [0.0; 3]), (1.0, [0.1; 3])]));
+        self.tail = Some(path.end());
         rig.order(follow_with(self.motions, &path, start, epoch));
+    }
+
+    /// A trajectory behind the last one, or in its place.
+    fn queue(&mut self, how: Queue, aside: f64) {
+        let rig = &mut self.rig;
+        let held = rig.commands.last().map_or(rig.plant.position, |sent| sent.joint_position);
+        let from = self.tail.filter(|_| how != Queue::Replace).unwrap_or(held);
+        if let Some(path) = path_from(from.map_indexed(|_, x| x + aside)) {
+            self.motions += 1;
+            self.follows += 1;
+            self.tail = Some(path.end());
+            rig.order(queued(self.motions, &path, how));
+        }
     }
 
     fn recover(&mut self) {
@@ -147,7 +185,7 @@ impl Story {
         rig.plant.recover();
         (rig.stop, rig.loop_error) = (None, false);
         rig.tick();
-        for order in [Order::ResetErrors, Order::Enable] {
+        for order in [Order::ResetErrors, Order::Enable, Order::SetSpeedRatio(1.0)] {
             rig.order(order);
             rig.ticks(80);
         }

@@ -9,16 +9,16 @@ use armada_model::{
     TrajectoryOptions, Waypoint,
 };
 use armada_protocol::messages::{
-    ActionStatus, CommandMode, FaultCode, OperationalMode, StopLevel, StopStage,
+    ActionStatus, CommandMode, FaultCode, OperationalMode, Queue, RobotFlags, StopLevel, StopStage,
 };
 use arrayvec::ArrayVec;
 use uuid::Uuid;
 
 use crate::control::{
     FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
-    MotionReport, Order, Output, Params, Refusal, step,
+    MAX_SAMPLES, MotionReport, Order, Output, Params, Refusal, Retired, StreamSample, step,
 };
-use crate::drivers::{DriverRequest, Feedback, SetPoint};
+use crate::drivers::{DriverRequest, Feedback, JointSet, SetPoint};
 
 pub(super) const PERIOD: Duration = Duration::from_millis(4);
 pub(super) const JOINTS: usize = 3;
@@ -36,13 +36,12 @@ pub(super) fn params() -> Params {
         jerk: None,
         effort: None,
     };
+    let limits = vec![
+        joint(Some(-2.0), Some(2.0), 1.5, 4.0),
+        joint(Some(-1.0), Some(3.0), 1.0, 6.0),
+        joint(None, None, 2.0, 5.0),
+    ];
     Params {
-        limits: vec![
-            joint(Some(-2.0), Some(2.0), 1.5, 4.0),
-            joint(Some(-1.0), Some(3.0), 1.0, 6.0),
-            joint(None, None, 2.0, 5.0),
-        ],
-        period: PERIOD,
         communication_timeout: Duration::from_millis(40),
         start_tolerance: joints([0.05; JOINTS]),
         tracking_tolerance: joints([0.02; JOINTS]),
@@ -51,7 +50,7 @@ pub(super) fn params() -> Params {
         standstill_velocity: joints([0.01; JOINTS]),
         standstill_hold: Duration::from_millis(100),
         request_timeout: Duration::from_millis(200),
-        enable_on_start: false,
+        ..Params::for_joints(limits, PERIOD).expect("three joints")
     }
 }
 
@@ -64,11 +63,21 @@ pub(super) fn trajectory_within(
     position_tolerance: &[f64],
     rows: &[(f64, [f64; JOINTS])],
 ) -> Arc<CompiledTrajectory> {
+    trajectory_with(position_tolerance, &[], rows)
+}
+
+/// A trajectory that asks for tolerances of position and velocity at every waypoint.
+pub(super) fn trajectory_with(
+    position_tolerance: &[f64],
+    velocity_tolerance: &[f64],
+    rows: &[(f64, [f64; JOINTS])],
+) -> Arc<CompiledTrajectory> {
     let names = ["a", "b", "c"];
     let waypoints = rows.iter().map(|(time, row)| Waypoint {
         time_from_start_s: *time,
         joint_position: row.to_vec(),
         position_tolerance: position_tolerance.to_vec(),
+        velocity_tolerance: velocity_tolerance.to_vec(),
         ..Waypoint::default()
     });
     let trajectory = JointTrajectory {
@@ -91,6 +100,13 @@ pub(super) struct Plant {
     pub(super) ready: bool,
     pub(super) emergency_stop: bool,
     pub(super) error_code: u32,
+    pub(super) guard_stop: bool,
+    pub(super) conditions: RobotFlags,
+    pub(super) operational_mode: OperationalMode,
+    /// Joints that know their reference.
+    pub(super) homed: JointSet,
+    /// Joints that search it.
+    pub(super) homing: JointSet,
     /// Ticks until a request has an effect; never if `None`.
     pub(super) obeys_after: Option<u32>,
     obeying: Vec<(u32, DriverRequest)>,
@@ -101,6 +117,11 @@ pub(super) struct Plant {
     /// By how much the first joint drifts per tick, whatever it is told.
     pub(super) creep: f64,
     pub(super) reports_velocity: bool,
+    pub(super) operational_mode: OperationalMode,
+    pub(super) homed: JointSet,
+    pub(super) homing: JointSet,
+    /// Ticks until the references searched for are found; never if `None`.
+    pub(super) finds_after: Option<u32>,
     pub(super) asked: Vec<DriverRequest>,
     last: Option<Feedback>,
 }
@@ -117,12 +138,21 @@ impl Plant {
             ready: true,
             emergency_stop: false,
             error_code: 0,
+            guard_stop: false,
+            conditions: RobotFlags::NONE,
+            operational_mode: OperationalMode::Cobot,
+            homed: JointSet::first(JOINTS),
+            homing: JointSet::NONE,
             obeys_after: Some(5),
             obeying: Vec::new(),
             silent: false,
             blocked: false,
             creep: 0.0,
             reports_velocity: true,
+            operational_mode: OperationalMode::Cobot,
+            homed: JointSet::first(JOINTS),
+            homing: JointSet::NONE,
+            finds_after: None,
             asked: Vec::new(),
             last: None,
         }
@@ -131,6 +161,7 @@ impl Plant {
     /// Takes back everything that went wrong, but for what needs a request.
     pub(super) fn recover(&mut self) {
         (self.emergency_stop, self.silent, self.blocked) = (false, false, false);
+        (self.guard_stop, self.conditions) = (false, RobotFlags::NONE);
         (self.obeys_after, self.creep) = (Some(5), 0.0);
         self.obeying.clear();
         self.ready = self.enabled;
@@ -139,19 +170,21 @@ impl Plant {
     fn feedback(&mut self, now: MonoTime) -> Option<Feedback> {
         if !self.silent {
             self.last = Some(Feedback {
-                stamp: now,
-                joint_position: self.position,
                 joint_velocity: if self.reports_velocity {
                     self.velocity
                 } else {
                     JointVector::EMPTY
                 },
-                joint_effort: JointVector::EMPTY,
                 enabled: self.enabled,
                 ready: self.ready,
                 emergency_stop: self.emergency_stop,
                 error_code: self.error_code,
-                operational_mode: OperationalMode::Auto,
+                operational_mode: self.operational_mode,
+                guard_stop: self.guard_stop,
+                conditions: self.conditions,
+                homed: self.homed,
+                homing: self.homing,
+                ..Feedback::of(now, self.position)
             });
         }
         self.last
@@ -166,6 +199,7 @@ impl Plant {
                 self.obeying.push((ticks, request));
             }
         }
+        self.search();
         for (ticks, _) in &mut self.obeying {
             *ticks = ticks.saturating_sub(1);
         }
@@ -175,9 +209,34 @@ impl Plant {
                 DriverRequest::Disable => (self.enabled, self.ready) = (false, false),
                 DriverRequest::ResetErrors if self.emergency_stop => {}
                 DriverRequest::ResetErrors => (self.error_code, self.ready) = (0, self.enabled),
+                DriverRequest::Home(joints) => {
+                    self.homed = JointSet::from_bits(self.homed.bits() & !joints.bits());
+                    self.homing = joints;
+                }
+                DriverRequest::StopMotion => self.homing = JointSet::NONE,
+                // Not among the abilities of this controller.
+                _ => {}
             }
         }
         self.go(command);
+    }
+
+    /// A tick of a search: the joints creep until their references are found.
+    fn search(&mut self) {
+        if self.homing.is_empty() {
+            return;
+        }
+        let homing = self.homing;
+        let creep = |joint: usize, x: f64| if homing.contains(joint) { x + 1e-3 } else { x };
+        self.position = self.position.map_indexed(creep);
+        match &mut self.finds_after {
+            Some(0) => {
+                self.homed = JointSet::from_bits(self.homed.bits() | homing.bits());
+                (self.homing, self.finds_after) = (JointSet::NONE, Some(20));
+            }
+            Some(ticks) => *ticks -= 1,
+            None => {}
+        }
     }
 
     /// A period passes in which nothing is sent.
@@ -220,6 +279,8 @@ impl Plant {
 struct Watch {
     sent: Option<(JointVector, JointVector)>,
     epoch: u64,
+    /// Ticks that are left until a stopped robot has to stand.
+    stop_ticks: Option<f64>,
     open: HashSet<u64>,
     motions: HashMap<Uuid, Option<ActionStatus>>,
     pub(super) most_events: usize,
@@ -237,6 +298,9 @@ pub(super) struct Rig {
     pub(super) retired: Vec<Arc<CompiledTrajectory>>,
     pub(super) commands: Vec<SetPoint>,
     pub(super) last: Option<Output>,
+    /// Samples of streams for the next ticks, and the number of the last.
+    pub(super) samples: Vec<StreamSample>,
+    pub(super) sample_seq: u64,
     requests: Vec<LoopRequest>,
     tickets: u64,
     watch: Watch,
@@ -261,6 +325,8 @@ impl Rig {
             retired: Vec::new(),
             commands: Vec::new(),
             last: None,
+            samples: Vec::new(),
+            sample_seq: 0,
             requests: Vec::new(),
             tickets: 0,
             watch: Watch::default(),
@@ -280,15 +346,27 @@ impl Rig {
 
     /// Hands in an order for the next tick; returns its ticket.
     pub(super) fn order(&mut self, order: Order) -> u64 {
+        self.order_under(None, order)
+    }
+
+    /// As [`Self::order`], under a lease.
+    pub(super) fn order_under(&mut self, lease: Option<Uuid>, order: Order) -> u64 {
         self.tickets += 1;
         self.watch.open.insert(self.tickets);
-        self.requests.push(LoopRequest { ticket: self.tickets, order });
+        self.requests.push(LoopRequest { lease, ..LoopRequest::new(self.tickets, order) });
         self.tickets
     }
 
     /// Orders and runs one tick; the answer must come in it.
     pub(super) fn ask(&mut self, order: Order) -> Result<Granted, Refusal> {
         let ticket = self.order(order);
+        self.tick();
+        self.answer(ticket).expect("an answer in the same tick")
+    }
+
+    /// As [`Self::ask`], under a lease.
+    pub(super) fn ask_under(&mut self, lease: Uuid, order: Order) -> Result<Granted, Refusal> {
+        let ticket = self.order_under(Some(lease), order);
         self.tick();
         self.answer(ticket).expect("an answer in the same tick")
     }
@@ -343,24 +421,30 @@ impl Rig {
 
     /// The loop wakes after `periods`, the plant having gone on without it.
     pub(super) fn late_tick(&mut self, periods: u32) -> Output {
-        self.now = self.now + PERIOD * periods;
+        self.now = self.now + self.params.period * periods;
         for _ in 1..periods {
             self.plant.go_on();
         }
         let count = self.requests.len().min(MAX_REQUESTS);
+        let waiting = self.samples.len().min(MAX_SAMPLES);
         let mut input = Input {
             now: self.now,
             feedback: self.plant.feedback(self.now),
             stop: self.stop,
             loop_error: self.loop_error,
             requests: self.requests.drain(..count).collect::<ArrayVec<_, MAX_REQUESTS>>(),
+            stream: self.samples.drain(..waiting).collect::<ArrayVec<_, MAX_SAMPLES>>(),
         };
         let output = step(&self.params, &mut self.state, &mut input);
         assert!(input.requests.is_empty(), "requests were left in the input");
+        assert!(input.stream.is_empty(), "samples were left in the input");
         self.watch.check(&self.params, self.stop, input.feedback.as_ref(), &output);
         self.plant.take(output.command.as_ref(), output.driver_request);
         self.events.extend(output.events.iter().copied());
-        self.retired.extend(output.retired.iter().cloned());
+        self.retired.extend(output.retired.iter().filter_map(|retired| match retired {
+            Retired::Trajectory(trajectory) => Some(Arc::clone(trajectory)),
+            Retired::Equipment(_) => None,
+        }));
         self.commands.extend(output.command);
         self.last = Some(output.clone());
         output
@@ -454,6 +538,12 @@ pub(super) fn follow(id: u128, trajectory: &Arc<CompiledTrajectory>) -> Order {
     follow_with(id, trajectory, None, None)
 }
 
+/// A trajectory that is to be followed in another way than at once.
+pub(super) fn queued(id: u128, trajectory: &Arc<CompiledTrajectory>, queue: Queue) -> Order {
+    let (id, trajectory) = (Uuid::from_u128(id), Arc::clone(trajectory));
+    Order::Follow(FollowOrder { queue, ..FollowOrder::at_once(id, trajectory) })
+}
+
 pub(super) fn follow_with(
     id: u128,
     trajectory: &Arc<CompiledTrajectory>,
@@ -461,7 +551,7 @@ pub(super) fn follow_with(
     epoch: Option<u64>,
 ) -> Order {
     let (id, trajectory) = (Uuid::from_u128(id), Arc::clone(trajectory));
-    Order::Follow(FollowOrder { id, trajectory, start, epoch })
+    Order::Follow(FollowOrder { start, epoch, ..FollowOrder::at_once(id, trajectory) })
 }
 
 impl Watch {
@@ -474,8 +564,10 @@ impl Watch {
     ) {
         assert!(output.snapshot.epoch >= self.epoch, "the epoch went back");
         self.epoch = output.snapshot.epoch;
-        let motion_mode =
-            matches!(output.snapshot.command_mode, CommandMode::Jog | CommandMode::Trajectory);
+        let motion_mode = matches!(
+            output.snapshot.command_mode,
+            CommandMode::Jog | CommandMode::Trajectory | CommandMode::Homing
+        );
         assert!(output.snapshot.motion.is_none() || (motion_mode && stop.is_none()));
         self.most_events = self.most_events.max(output.events.len());
         for event in &output.events {
@@ -505,12 +597,33 @@ impl Watch {
             let a = (v - w) / period_s;
             let highest = limits.acceleration.expect("given") * 1.00001;
             assert!(a.abs() <= highest, "joint {joint}: acceleration {a} above {highest}");
-            if stop.is_some() {
-                let slower = v.abs() <= w.abs() + 1e-9 && v * w >= -1e-9;
-                assert!(slower, "joint {joint} goes from {w} to {v} while stopped");
-            }
         }
+        self.check_stop(params, stop, &speed, &velocity);
         self.sent = Some((position, velocity));
+    }
+
+    /// A stopped robot stands after the time of the plain ramp and a tenth of a second.
+    fn check_stop(
+        &mut self,
+        params: &Params,
+        stop: Option<StopLevel>,
+        before: &JointVector,
+        velocity: &JointVector,
+    ) {
+        if stop.is_none() {
+            self.stop_ticks = None;
+            return;
+        }
+        let ramp = |velocity: &JointVector| {
+            let joints = velocity.iter().zip(&params.limits);
+            let times = joints.map(|(v, limits)| v.abs() / limits.acceleration.expect("given"));
+            times.fold(0.0, f64::max) / params.period.as_secs_f64()
+        };
+        let allowance = 0.1 / params.period.as_secs_f64();
+        let left = self.stop_ticks.unwrap_or_else(|| ramp(before).ceil() + allowance);
+        let left = (left - 1.0).max(0.0);
+        assert!(ramp(velocity) <= left + 1e-6, "{} ticks to rest, {left} left", ramp(velocity));
+        self.stop_ticks = Some(left);
     }
 
     fn check_event(&mut self, event: &LoopEvent) {

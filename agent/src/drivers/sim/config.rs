@@ -3,8 +3,13 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 
+use armada_protocol::messages::OperationalMode;
 use serde::Deserialize;
 
+use super::settings::{
+    HomingConfig, ParameterConfig, SignalConfig, check_parameters, check_signals,
+    default_parameters, default_signals,
+};
 use super::{SimDriver, SimEmulator};
 use crate::config::{Problem, check_range};
 use crate::drivers::{DriverSetup, SetupError};
@@ -20,7 +25,8 @@ pub struct Config {
     pub emulator: EmulatorConfig,
 }
 
-/// What the emulated controller is like; the driver reads none of it.
+/// What the emulated controller is like. The driver reads of it only what a vendor's manual would
+/// tell: signals, parameters, and what the controller can do.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatorConfig {
@@ -56,10 +62,52 @@ pub struct EmulatorConfig {
     pub following_error_rad: f64,
     /// The same for joints that slide \[m\]; default 0.1.
     pub following_error_m: f64,
+    /// Where the key switch stands at the start; default `cobot`.
+    pub operational_mode: OperationalMode,
+    /// Whether drives go on in a manual mode only while the enabling switch is held; default false.
+    pub enabling_switch_required: bool,
+    /// What an open guard does; default `controlled_stop`.
+    pub guard_stop: GuardStop,
+    /// How joints find their references.
+    pub homing: HomingConfig,
+    /// Whether it offers moves of its own to joint positions and poses; default false.
+    pub own_moves: bool,
+    /// Highest speed of the tool in straight moves of its own \[m/s\]; default 1.
+    pub tool_speed_m_s: f64,
+    /// Poses that it reports, of the first two chains; default `none`.
+    pub reports_tip: ReportsTip,
+    /// Inputs and outputs, 32 values together at most; DI1 to DI4, DO1 to DO4, AI1, AO1 by default.
+    pub signals: Vec<SignalConfig>,
+    /// Settings, 16 at most; one of each type by default.
+    pub parameters: Vec<ParameterConfig>,
     /// Where joints that turn are at the start \[rad\]; 0, or the limit next to it, if not named.
     pub initial_rad: BTreeMap<String, f64>,
     /// Where joints that slide are at the start \[m\]; as `initial_rad`.
     pub initial_m: BTreeMap<String, f64>,
+}
+
+/// What an open guard does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GuardStop {
+    /// The drives decelerate at their limits and hold; they stay on.
+    #[default]
+    ControlledStop,
+    /// Drives go off, brakes.
+    DrivesOff,
+}
+
+/// What poses the controller reports.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReportsTip {
+    /// None.
+    #[default]
+    None,
+    /// Those of the flanges.
+    Flange,
+    /// Those of the tool centre points, with the tools it was told.
+    Tcp,
 }
 
 impl Default for EmulatorConfig {
@@ -81,6 +129,15 @@ impl Default for EmulatorConfig {
             noise_seed: 1,
             following_error_rad: 0.5,
             following_error_m: 0.1,
+            operational_mode: OperationalMode::Cobot,
+            enabling_switch_required: false,
+            guard_stop: GuardStop::default(),
+            homing: HomingConfig::default(),
+            own_moves: false,
+            tool_speed_m_s: 1.0,
+            reports_tip: ReportsTip::default(),
+            signals: default_signals(),
+            parameters: default_parameters(),
             initial_rad: BTreeMap::new(),
             initial_m: BTreeMap::new(),
         }
@@ -129,6 +186,13 @@ impl EmulatorConfig {
         check_range("velocity_noise_m_s", self.velocity_noise_m_s, 0.0..=1.0)?;
         check_range("following_error_rad", self.following_error_rad, 1e-4..=100.0)?;
         check_range("following_error_m", self.following_error_m, 1e-4..=100.0)?;
+        check_range("tool_speed_m_s", self.tool_speed_m_s, 1e-3..=100.0)?;
+        if self.operational_mode == OperationalMode::Undefined {
+            return Err(Problem::new("operational_mode", "undefined is no position of a switch"));
+        }
+        self.homing.check().map_err(|problem| problem.under("homing"))?;
+        check_signals(&self.signals)?;
+        check_parameters(&self.parameters)?;
         for (table, values) in [("initial_rad", &self.initial_rad), ("initial_m", &self.initial_m)]
         {
             for (joint, &position) in values {

@@ -3,11 +3,13 @@
 use std::time::Duration;
 
 use armada_model::MonoTime;
+use arrayvec::ArrayVec;
 
+use super::settings::{parameter_infos, signal_infos};
 use super::Config;
 use super::wire::{Body, Header, Power, RequestBody, Status, decode, encode};
 use crate::drivers::{
-    Driver, DriverRequest, DriverSetup, Endpoint, Feedback, LinkCounters, Pacing, SetPoint,
+    Abilities, DelegatedGoal, Driver, DriverRequest, DriverSetup, Endpoint, Feedback, LinkCounters, Pacing, SetPoint,
     SetupError, Transmit,
 };
 
@@ -15,6 +17,8 @@ use crate::drivers::{
 const HELLO_INTERVAL: Duration = Duration::from_millis(100);
 /// Time between repetitions of a request that the status does not show yet.
 const REQUEST_INTERVAL: Duration = Duration::from_millis(10);
+/// Most orders that wait for the controller: one for every signal and parameter, and moves.
+const MAX_ORDERS: usize = 64;
 
 /// Driver of the emulated controller.
 ///
@@ -22,6 +26,11 @@ const REQUEST_INTERVAL: Duration = Duration::from_millis(10);
 /// nothing else to say, so that the controller does not give the robot to another client. Requests
 /// are repeated until the status shows them; those made to a run of the controller that has ended
 /// are dropped, for a robot must not be switched on by what was asked before it restarted.
+///
+/// Power and reset are the newest of each. Orders leave one after another, each when the status
+/// shows the one before. A stop overtakes them all and takes with it those to move; a new value of a
+/// signal, parameter, load, tool or speed takes the place of one that waits. An order for which
+/// there is no room, because the controller takes none, is dropped, as one that never arrived.
 #[derive(Debug)]
 pub struct SimDriver {
     endpoints: [Endpoint; 1],
@@ -39,6 +48,11 @@ pub struct SimDriver {
     request: RequestBody,
     power_pending: bool,
     reset_pending: bool,
+    /// Orders that wait, the next one first.
+    orders: ArrayVec<DriverRequest, MAX_ORDERS>,
+    /// Whether the next one has left, with the id of [`RequestBody`].
+    order_sent: bool,
+    abilities: Abilities,
     request_sent: Option<MonoTime>,
     hello_sent: Option<MonoTime>,
     sent: Option<MonoTime>,
@@ -69,6 +83,9 @@ impl SimDriver {
             request: RequestBody::default(),
             power_pending: false,
             reset_pending: false,
+            orders: ArrayVec::new(),
+            order_sent: false,
+            abilities: abilities(config, setup),
             request_sent: None,
             hello_sent: None,
             sent: None,
@@ -96,7 +113,17 @@ impl SimDriver {
         self.last_status = header.sequence;
         self.power_pending &= status.last_power_id < self.request.power_id;
         self.reset_pending &= status.last_reset_id < self.request.reset_id;
+        if self.order_sent && status.last_order_id >= self.request.order_id {
+            self.orders.pop_at(0);
+            self.forget_sent_order();
+            self.request_sent = None; // the next one goes at once
+        }
         self.feedback = Some(feedback(now, status));
+    }
+
+    /// What is next in line has not left yet: it will get a new id.
+    const fn forget_sent_order(&mut self) {
+        self.order_sent = false;
     }
 
     /// Goes on with another run of the controller than before.
@@ -106,16 +133,18 @@ impl SimDriver {
             self.power_pending = false;
             self.reset_pending = false;
             self.command = None;
+            self.orders.clear();
+            self.forget_sent_order();
         }
         self.controller = controller;
     }
 
     fn next_body(&mut self, now: MonoTime) -> Option<Body> {
         if self.controller != 0 {
-            let pending = self.power_pending || self.reset_pending;
+            let pending = self.power_pending || self.reset_pending || !self.orders.is_empty();
             if pending && due(self.request_sent, now, REQUEST_INTERVAL) {
                 self.request_sent = Some(now);
-                return Some(Body::Request(self.request));
+                return Some(Body::Request(self.next_request()));
             }
             if let Some(set_point) = self.command.take() {
                 return Some(Body::Command(set_point));
@@ -129,6 +158,75 @@ impl SimDriver {
         }
         None
     }
+
+    /// What the status does not show yet, and nothing else: a run of the controller that has just
+    /// begun must not be told what an earlier one has done.
+    fn next_request(&mut self) -> RequestBody {
+        let mut body = RequestBody::default();
+        if self.power_pending {
+            (body.power_id, body.power) = (self.request.power_id, self.request.power);
+        }
+        if self.reset_pending {
+            body.reset_id = self.request.reset_id;
+        }
+        if let Some(&order) = self.orders.first() {
+            if !self.order_sent {
+                self.order_sent = true;
+                self.request.order_id = self.request.order_id.saturating_add(1);
+            }
+            (body.order_id, body.order) = (self.request.order_id, Some(order));
+        }
+        body
+    }
+
+    /// Puts an order in line.
+    fn add_order(&mut self, order: DriverRequest) {
+        if order == DriverRequest::StopMotion {
+            self.orders.retain(|waiting| !is_of_motion(waiting));
+            // What had left may or may not have been done; what stays of it is a value, and goes again.
+            self.forget_sent_order();
+            // Motion is gone, so there is room for a stop unless values alone fill the line.
+            if self.orders.is_full() {
+                self.orders.pop();
+            }
+            let _ = self.orders.try_insert(0, order);
+            return;
+        }
+        let first = usize::from(self.order_sent);
+        let same = |waiting: &&mut DriverRequest| replaces(&order, waiting);
+        match self.orders.iter_mut().skip(first).find(same) {
+            Some(waiting) => *waiting = order,
+            None => {
+                let _ = self.orders.try_push(order);
+            }
+        }
+    }
+
+    /// Whether the controller can do it.
+    fn can(&self, order: &DriverRequest) -> bool {
+        let Abilities { homing, move_joint, move_pose, move_linear, pause, load, .. } =
+            self.abilities;
+        match order {
+            DriverRequest::Home(_) => homing,
+            DriverRequest::Move(wanted) => match wanted.goal {
+                DelegatedGoal::Joint(_) => move_joint,
+                DelegatedGoal::Pose { .. } => move_pose,
+                DelegatedGoal::Linear { .. } => move_linear,
+            },
+            DriverRequest::PauseMotion
+            | DriverRequest::ResumeMotion
+            | DriverRequest::SetSpeedRatio(_) => pause,
+            DriverRequest::StopMotion => homing || move_joint,
+            DriverRequest::SetLoad { .. } | DriverRequest::SetTool { .. } => load,
+            DriverRequest::SetSignal { signal, .. } => {
+                usize::from(*signal) < self.abilities.signals.len()
+            }
+            DriverRequest::SetParameter { parameter, .. } => {
+                usize::from(*parameter) < self.abilities.parameters.len()
+            }
+            DriverRequest::Enable | DriverRequest::Disable | DriverRequest::ResetErrors => true,
+        }
+    }
 }
 
 impl Driver for SimDriver {
@@ -138,6 +236,10 @@ impl Driver for SimDriver {
 
     fn pacing(&self) -> Pacing {
         self.pacing
+    }
+
+    fn abilities(&self) -> Abilities {
+        self.abilities.clone()
     }
 
     fn receive(&mut self, now: MonoTime, _endpoint: usize, bytes: &[u8]) {
@@ -172,6 +274,9 @@ impl Driver for SimDriver {
                 self.request.reset_id = self.request.reset_id.saturating_add(1);
                 self.reset_pending = true;
             }
+            order if self.controller != 0 && self.can(&order) => self.add_order(order),
+            // Not among its abilities, or there is nobody yet and later it would be old.
+            _ => return,
         }
         self.request_sent = None;
     }
@@ -208,8 +313,6 @@ fn due(last: Option<MonoTime>, now: MonoTime, interval: Duration) -> bool {
 
 fn feedback(now: MonoTime, status: &Status) -> Feedback {
     Feedback {
-        stamp: now,
-        joint_position: status.position,
         joint_velocity: status.velocity,
         joint_effort: status.effort,
         enabled: status.enabled,
@@ -217,5 +320,60 @@ fn feedback(now: MonoTime, status: &Status) -> Feedback {
         emergency_stop: status.emergency_stop,
         error_code: status.error,
         operational_mode: status.operational_mode,
+        guard_stop: status.guard_stop,
+        conditions: status.conditions,
+        homed: status.homed,
+        homing: status.homing,
+        delegated: status.delegated,
+        signals: status.signals,
+        parameters: status.parameters,
+        tips: status.tips,
+        ..Feedback::of(now, status.position)
+    }
+}
+
+/// What the emulated controller can do, as a vendor's manual would tell.
+fn abilities(config: &Config, setup: &DriverSetup) -> Abilities {
+    let emulator = &config.emulator;
+    let moves = emulator.own_moves;
+    let to_poses = moves && setup.chains.iter().any(Option::is_some);
+    Abilities {
+        homing: emulator.homing.required,
+        move_joint: moves,
+        move_pose: to_poses,
+        move_linear: to_poses,
+        pause: moves,
+        load: true,
+        signals: signal_infos(&emulator.signals),
+        parameters: parameter_infos(&emulator.parameters),
+    }
+}
+
+/// Whether an order moves the robot, or is about what moves it.
+const fn is_of_motion(order: &DriverRequest) -> bool {
+    matches!(
+        order,
+        DriverRequest::Home(_)
+            | DriverRequest::Move(_)
+            | DriverRequest::StopMotion
+            | DriverRequest::PauseMotion
+            | DriverRequest::ResumeMotion
+    )
+}
+
+/// Whether `order` makes one that waits pointless: another value of the same thing.
+fn replaces(order: &DriverRequest, waiting: &DriverRequest) -> bool {
+    match (order, waiting) {
+        (DriverRequest::SetSignal { signal: a, .. }, DriverRequest::SetSignal { signal: b, .. }) => {
+            a == b
+        }
+        (
+            DriverRequest::SetParameter { parameter: a, .. },
+            DriverRequest::SetParameter { parameter: b, .. },
+        ) => a == b,
+        (DriverRequest::SetLoad { chain: a, .. }, DriverRequest::SetLoad { chain: b, .. })
+        | (DriverRequest::SetTool { chain: a, .. }, DriverRequest::SetTool { chain: b, .. }) => a == b,
+        (DriverRequest::SetSpeedRatio(_), DriverRequest::SetSpeedRatio(_)) => true,
+        _ => false,
     }
 }

@@ -11,9 +11,9 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use armada_model::MonoTime;
-use armada_protocol::messages::OperationalMode;
 
 use super::controller::{Controller, Measurement};
+use super::safety::StopSource;
 use super::wire::{Body, Header, Power, RequestBody, Status, VERSION, WireError, decode, encode};
 use super::{Config, EmulatorConfig, Fault};
 use crate::config::millis;
@@ -23,6 +23,8 @@ use crate::drivers::{
 
 /// Packets under way in one direction at most; the newest are lost when there are more.
 const MAX_UNDER_WAY: usize = 2048;
+/// Packets under way in one direction for which there is room from the start.
+const ROOM: usize = 32;
 /// Answers that wait to be sent at most; the newest are lost when there are more.
 const MAX_ANSWERS: usize = 16;
 /// Longest time that is caught up with; after a longer pause the emulated robot just goes on,
@@ -61,6 +63,7 @@ struct Client {
     last_command: u64,
     last_power_id: u32,
     last_reset_id: u32,
+    last_order_id: u32,
 }
 
 /// What is on its way from the client.
@@ -72,7 +75,6 @@ struct Inbound {
 }
 
 #[derive(Clone, Copy, Debug)]
-#[expect(clippy::large_enum_variant, reason = "nearly all are commands")]
 enum ClientOrder {
     Command { sequence: u64, set_point: SetPoint },
     Request(RequestBody),
@@ -118,8 +120,8 @@ impl SimEmulator {
             silent_until: MonoTime::ZERO,
             frozen: false,
             last_measurement: None,
-            inbox: VecDeque::with_capacity(MAX_UNDER_WAY),
-            outbox: VecDeque::with_capacity(MAX_UNDER_WAY),
+            inbox: VecDeque::with_capacity(ROOM),
+            outbox: VecDeque::with_capacity(ROOM),
             answers: VecDeque::with_capacity(MAX_ANSWERS),
             counters: LinkCounters::default(),
         })
@@ -170,7 +172,12 @@ impl SimEmulator {
                 self.refuse(peer, sender, LinkRefusal::Busy);
                 return;
             }
-            Some(_) | None => self.client = Some(Client::new(sender, peer, now)),
+            Some(_) | None => {
+                self.client = Some(Client::new(sender, peer, now));
+                // Nobody is left who asked for what it does on its own.
+                self.controller.client_is_silent();
+                self.controller.forget_report();
+            }
         }
         self.counters.received += 1;
     }
@@ -210,8 +217,23 @@ impl SimEmulator {
     /// Brings a fault about and says whether this robot can have it.
     fn inject(&mut self, now: MonoTime, fault: Fault) -> bool {
         match fault {
-            Fault::EmergencyStop => self.controller.set_emergency_stop(true),
-            Fault::EmergencyStopRelease => self.controller.set_emergency_stop(false),
+            Fault::EmergencyStop => self.controller.press(StopSource::Internal),
+            Fault::EmergencyStopButton(button) => self.controller.press(StopSource::Button(button)),
+            Fault::EmergencyStopFault => self.controller.press(StopSource::Fault),
+            Fault::EmergencyStopOther => self.controller.press(StopSource::Other),
+            Fault::EmergencyStopRelease => self.controller.release_emergency_stop(),
+            Fault::GuardOpen(guard) => self.controller.set_guard(guard, true),
+            Fault::GuardClose(guard) => self.controller.set_guard(guard, false),
+            Fault::EnablingHold => self.controller.hold_enabling_switch(true),
+            Fault::EnablingRelease => self.controller.hold_enabling_switch(false),
+            Fault::KeySwitch(mode) => self.controller.turn_key(mode),
+            Fault::FatalError(code) => self.controller.fail_fatally(code),
+            Fault::FatalClear => self.controller.repair(),
+            Fault::HomingFailure => self.controller.break_homing(true),
+            Fault::HomingRepair => self.controller.break_homing(false),
+            Fault::Input { signal, element, value } => {
+                return self.controller.set_input(&signal, element, value);
+            }
             Fault::ControllerError(code) => self.controller.fail(code),
             Fault::SilenceMs(ms) => {
                 self.silent_until = now + Duration::from_millis(u64::from(ms));
@@ -231,6 +253,11 @@ impl SimEmulator {
         while let Some(inbound) = self.inbox.front().copied().filter(|front| front.due <= now) {
             self.inbox.pop_front();
             self.carry_out(&inbound);
+        }
+        let silent =
+            |client: &Client| now.saturating_since(client.heard) >= self.client_timeout;
+        if self.client.as_ref().is_none_or(silent) {
+            self.controller.client_is_silent();
         }
         self.controller.advance(now, self.cycle);
         self.report(now);
@@ -265,6 +292,12 @@ impl SimEmulator {
                         None => {}
                     }
                 }
+                if request.order_id > client.last_order_id
+                    && let Some(order) = &request.order
+                {
+                    client.last_order_id = request.order_id;
+                    self.controller.take_order(order);
+                }
             }
         }
     }
@@ -288,16 +321,26 @@ impl SimEmulator {
     }
 
     fn status(&self, now: MonoTime, client: &Client, measurement: &Measurement) -> Status {
+        let [homed, homing] = self.controller.homed_and_homing();
         Status {
             time_ns: now.as_nanos(),
             last_command: client.last_command,
             last_power_id: client.last_power_id,
             last_reset_id: client.last_reset_id,
+            last_order_id: client.last_order_id,
             enabled: self.controller.enabled(),
             ready: self.controller.ready(),
             emergency_stop: self.controller.emergency_stop(),
-            operational_mode: OperationalMode::Auto,
+            guard_stop: self.controller.guard_stop(),
+            conditions: self.controller.conditions(),
+            operational_mode: self.controller.operational_mode(),
             error: self.controller.error(),
+            homed,
+            homing,
+            delegated: self.controller.report(),
+            signals: self.controller.board().signals(),
+            parameters: self.controller.board().parameters(),
+            tips: self.controller.tips(&measurement.position),
             position: measurement.position,
             velocity: measurement.velocity,
             effort: measurement.effort,
@@ -363,6 +406,14 @@ impl Emulator for SimEmulator {
 
 impl Client {
     const fn new(nonce: u64, peer: SocketAddr, heard: MonoTime) -> Self {
-        Self { nonce, peer, heard, last_command: 0, last_power_id: 0, last_reset_id: 0 }
+        Self {
+            nonce,
+            peer,
+            heard,
+            last_command: 0,
+            last_power_id: 0,
+            last_reset_id: 0,
+            last_order_id: 0,
+        }
     }
 }

@@ -10,20 +10,27 @@
 //! that only it takes ([`encode_inject`]).
 
 mod axis;
+mod board;
 mod config;
 mod controller;
 mod driver;
 mod dynamics;
 mod emulator;
+pub mod error_code;
 mod fault;
+mod homing;
 mod noise;
+mod planner;
+mod program;
+mod safety;
+mod settings;
 #[cfg(test)]
 mod tests;
 pub mod wire;
 
-pub use config::{Config, EmulatorConfig};
-pub use controller::error_code;
+pub use config::{Config, EmulatorConfig, GuardStop, ReportsTip};
 pub use driver::SimDriver;
 pub use emulator::SimEmulator;
 pub use fault::{Fault, FaultParseError};
+pub use settings::{HomingConfig, ParameterConfig, SignalConfig};
 pub use wire::{decode_inject_answer, encode_inject};

@@ -7,7 +7,7 @@ use armada_agent::runtime::monotonic;
 use armada_model::{CompiledTrajectory, JointLimits, MotionLimits, TrajectoryOptions};
 use armada_protocol::client::Client;
 use armada_protocol::codec::{MAX_REQUEST_BYTES, WireEncoding};
-use armada_protocol::messages::{CancelParams, ExecuteTrajectoryParams, Request};
+use armada_protocol::messages::{CancelParams, PrepareParams, Request};
 use armada_protocol::method::robot::{Abort, Prepare};
 use armada_protocol::qos::Channel;
 use clap::Args;
@@ -59,10 +59,8 @@ pub(super) async fn measure(args: AcceptArgs) -> anyhow::Result<Report> {
     let arm = Arm::start(&controller).await?;
     machine.scheduled("armada", &arm.agent.ready.scheduling);
     let from = arm.position().await?;
-    let params = ExecuteTrajectoryParams {
-        motion_id: None,
-        trajectory: long_swing(from, from, args.waypoints),
-    };
+    let params =
+        PrepareParams { motion_id: None, trajectory: long_swing(from, from, args.waypoints) };
     let payload = WireEncoding::Json.encode(&Request::new("bench", params.clone()))?;
     let endpoint = free_endpoint()?;
     let part = Part::RawReply { endpoint: endpoint.clone(), bytes: ANSWER_BYTES };
@@ -122,11 +120,7 @@ fn report(
     report
 }
 
-async fn prepare(
-    arm: &Arm,
-    params: &ExecuteTrajectoryParams,
-    rounds: u32,
-) -> anyhow::Result<[f64; 4]> {
+async fn prepare(arm: &Arm, params: &PrepareParams, rounds: u32) -> anyhow::Result<[f64; 4]> {
     let mut times = Vec::new();
     for _ in 0..rounds {
         let params = params.clone();
@@ -156,18 +150,14 @@ struct Parts {
 }
 
 impl Parts {
-    fn measure(
-        params: &ExecuteTrajectoryParams,
-        payload: &[u8],
-        rounds: u32,
-    ) -> anyhow::Result<Self> {
+    fn measure(params: &PrepareParams, payload: &[u8], rounds: u32) -> anyhow::Result<Self> {
         let limits = MotionLimits::new(&[LIMITS; JOINTS.len()])?;
         let (names, options) = (JOINTS.map(str::to_owned), TrajectoryOptions::default());
         let request = Request::new("bench", params.clone());
         Ok(Self {
             encode: timed(rounds, || Ok(WireEncoding::Json.encode(&request)?))?,
             decode: timed(rounds, || {
-                let request: Request<ExecuteTrajectoryParams> =
+                let request: Request<PrepareParams> =
                     WireEncoding::Json.decode(payload, MAX_REQUEST_BYTES)?;
                 Ok(request)
             })?,

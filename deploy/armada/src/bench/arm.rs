@@ -98,7 +98,7 @@ impl Arm {
     /// Moves the robot to and fro at least as long as `time`, and waits until it moves.
     pub(super) async fn swing(&self, time: Duration) -> anyhow::Result<Uuid> {
         let trajectory = swing(self.position().await?, ready_position()?, time);
-        let params = ExecuteTrajectoryParams { motion_id: None, trajectory };
+        let params = ExecuteTrajectoryParams::at_once(None, trajectory);
         let motion = self.client.call::<ExecuteTrajectory>(&self.name, params).await?.motion_id;
         self.status_when("moving", |status| {
             status.motion.as_ref().is_some_and(|m| m.id == motion && m.started_ns.is_some())

@@ -130,15 +130,9 @@ impl<'a> Rig<'a> {
         let now = MonoTime::from_nanos(1);
         let middle = ready_position()?;
         let feedback = Feedback {
-            stamp: now,
-            joint_position: middle,
             joint_velocity: middle.map_indexed(|_, _| 0.0),
-            joint_effort: JointVector::EMPTY,
-            enabled: false,
-            ready: false,
-            emergency_stop: false,
-            error_code: 0,
-            operational_mode: OperationalMode::Auto,
+            operational_mode: OperationalMode::Cobot,
+            ..Feedback::of(now, middle)
         };
         let state = LoopState::new(params)?;
         let (last, stop) = (Duration::ZERO, None);
@@ -210,7 +204,7 @@ impl<'a> Rig<'a> {
         let compiled = CompiledTrajectory::compile(trajectory, &names, &limits, &options)?;
         self.tick(Some(Order::SetMode(CommandMode::Trajectory)));
         let trajectory = Arc::new(compiled);
-        let order = FollowOrder { id: Uuid::now_v7(), trajectory, start: None, epoch: None };
+        let order = FollowOrder::at_once(Uuid::now_v7(), trajectory);
         self.tick(Some(Order::Follow(order)));
         Ok(())
     }
@@ -233,11 +227,10 @@ impl<'a> Rig<'a> {
         self.now = self.now + PERIOD;
         self.feedback.stamp = self.now;
         let mut input = Input {
-            now: self.now,
             feedback: Some(self.feedback),
             stop: self.stop,
-            loop_error: false,
-            requests: order.into_iter().map(|order| LoopRequest { ticket: 0, order }).collect(),
+            requests: order.into_iter().map(|order| LoopRequest::new(0, order)).collect(),
+            ..Input::at(self.now)
         };
         let (calls, begin) = (allocations::calls(), monotonic());
         let output = black_box(step(self.params, &mut self.state, black_box(&mut input)));
@@ -260,7 +253,8 @@ impl<'a> Rig<'a> {
                 (self.feedback.enabled, self.feedback.ready) = (false, false);
             }
             Some(DriverRequest::ResetErrors) => self.feedback.error_code = 0,
-            None => {}
+            // Not among the abilities of this controller.
+            Some(_) | None => {}
         }
     }
 }

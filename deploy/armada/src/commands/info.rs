@@ -103,7 +103,7 @@ const fn effort_unit(joint: JointType) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use armada_protocol::messages::{ChainInfo, JointInfo};
+    use armada_protocol::messages::{ChainInfo, JointInfo, ReducedLimits};
     use uuid::Uuid;
 
     use super::*;
@@ -129,17 +129,24 @@ mod tests {
                     effort: Some(800.0),
                     ..JointLimits::default()
                 },
+                reduced: ReducedLimits::default(),
+                home: None,
             }],
             chains: vec![ChainInfo {
                 name: "lift".to_owned(),
                 base_link: "base".to_owned(),
                 tip_link: "tip".to_owned(),
             }],
+            equipment: vec![],
+            tools: vec![],
+            signals: vec![],
+            parameters: vec![],
             capabilities: vec![],
             methods: vec![],
             flags: vec![],
             period_ms: 2.0,
             state_rate_hz: 100.0,
+            state_classes_hz: vec![],
             urdf: String::new(),
         };
         let table = joint_table(&info).to_string();

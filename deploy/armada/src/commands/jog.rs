@@ -119,6 +119,7 @@ impl Jog {
             motion_id: Some(id),
             joint_position_rad: goal,
             max_velocity_rad_s: Some(JointVector::from_slice(&velocity)?),
+            wait: false,
         };
         let accepted = client.call::<JogFreespace>(&robot, params).await?;
         Ok(Self { robot, accepted, follower })

@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    Accepted, CommandMode, CommitParams, Denial, DenialCode, EventKind, ExecuteTrajectoryParams,
-    Severity,
+    Accepted, CommandMode, CommitParams, Denial, DenialCode, EventKind, PrepareParams, Severity,
 };
 use serde_json::Map;
 
@@ -76,7 +75,7 @@ impl Group {
         let Some(part) = self.parts.get_mut(robot) else { return };
         let Some(trajectory) = part.trajectory.take() else { return };
         part.step = Step::Preparing;
-        let params = ExecuteTrajectoryParams { motion_id: Some(self.id), trajectory };
+        let params = PrepareParams { motion_id: Some(self.id), trajectory };
         self.ask(robot, AgentCall::Prepare(Box::new(params)), PREPARE_TIMEOUT, cx);
     }
 
@@ -117,7 +116,7 @@ impl Group {
         self.changed = true;
         if let Some(ticket) = self.ticket.take() {
             let (motion_id, duration_s) = (self.id, self.duration_s);
-            let accepted = Accepted { motion_id, duration_s, epoch: 0 };
+            let accepted = Accepted { motion_id, duration_s, epoch: 0, status: None };
             cx.outbox.answer(ticket, Ok(CellAnswer::Accepted(accepted)));
         }
         let robots = self.parts.keys().map(RobotName::as_str).collect::<Vec<_>>().join(", ");

@@ -174,7 +174,7 @@ impl FakeAgent {
         let motion = found.ok_or_else(not_attached)?;
         motion.start = Some(start);
         let (motion_id, duration_s) = (params.motion_id, MOTION_DURATION.as_secs_f64());
-        Ok(AgentAnswer::Committed(Accepted { motion_id, duration_s, epoch: 1 }))
+        Ok(AgentAnswer::Committed(Accepted { motion_id, duration_s, epoch: 1, status: None }))
     }
 
     fn abort(&mut self, id: Uuid, now: MonoTime) -> Result<AgentAnswer, Denial> {

@@ -1,7 +1,7 @@
 //! Each reason for which a motion is refused.
 
 use armada_model::JointTrajectory;
-use armada_protocol::messages::{CommandMode, DenialCode, Fault, FaultCode, StopScope};
+use armada_protocol::messages::{ClearBy, CommandMode, DenialCode, Fault, FaultCode, StopScope};
 use uuid::Uuid;
 
 use super::bench::{Bench, ms, stop_request, trajectory};
@@ -135,7 +135,18 @@ const fn rows_of_robots() -> [Row; 4] {
             |bench| {
                 let (code, message) = (FaultCode::TrackingError, "elbow lags".to_owned());
                 let since_ns = armada_model::MonoTime::ZERO;
-                bench.agent("right").status.faults.push(Fault { code, message, since_ns });
+                let fault = Fault {
+                    code,
+                    message,
+                    joint: None,
+                    value: 0.0,
+                    limit: 0.0,
+                    clear: ClearBy::ResetErrors,
+                    remedy: String::new(),
+                    recording: None,
+                    since_ns,
+                };
+                bench.agent("right").status.faults.push(fault);
                 trajectory(&["left", "right"])
             },
             Code::Faulted,

@@ -4,6 +4,7 @@
 
 use arrayvec::ArrayVec;
 use nalgebra::{Isometry3, Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::reduce::{Element, Moving, Reduced, reduce};
 use crate::{
@@ -43,7 +44,7 @@ use crate::{
 /// assert_eq!(twist.angular.z, 1.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Chain {
     base: String,
     tip: String,
@@ -55,7 +56,7 @@ pub struct Chain {
 }
 
 /// One variable of a [`Chain`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChainVariable {
     /// Name of the driven joint.
     pub name: String,
@@ -148,6 +149,16 @@ impl Chain {
         let R_LT = X_LT.rotation.to_rotation_matrix();
         self.last = (R * R_LT.matrix(), p + R * X_LT.translation.vector);
         self.tool = *tool;
+        self
+    }
+
+    /// The same chain with these limits of its variables, in their order, as where a robot file
+    /// narrows those of the description; variables beyond the end of `limits` keep theirs.
+    #[must_use]
+    pub fn with_limits(mut self, limits: &[JointLimits]) -> Self {
+        for (variable, limits) in self.variables.iter_mut().zip(limits) {
+            variable.limits = *limits;
+        }
         self
     }
 

@@ -94,6 +94,27 @@ impl Load {
         Ok(Self { mass, centre_of_mass, inertia })
     }
 
+    /// A body as it goes over the wire: `mass` \[kg\], `centre_of_mass` \[m\], and the inertia about
+    /// that centre as xx xy xz yy yz zz \[kg m²\].
+    ///
+    /// # Errors
+    /// Those of [`Load::new`].
+    pub fn from_elements(
+        mass: f64,
+        centre_of_mass: [f64; 3],
+        [xx, xy, xz, yy, yz, zz]: [f64; 6],
+    ) -> Result<Self, LoadError> {
+        let inertia = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        Self::new(mass, Vector3::from(centre_of_mass), inertia)
+    }
+
+    /// The inertia about the centre of mass as xx xy xz yy yz zz \[kg m²\].
+    #[must_use]
+    pub fn inertia_elements(&self) -> [f64; 6] {
+        let i = &self.inertia;
+        [i[(0, 0)], i[(0, 1)], i[(0, 2)], i[(1, 1)], i[(1, 2)], i[(2, 2)]]
+    }
+
     /// The load of a link, in the link's frame.
     ///
     /// # Errors
@@ -258,6 +279,15 @@ mod tests {
         let point = Load::new(2.0, Vector3::new(0.0, 0.5, 0.0), Matrix3::zeros()).expect("a body");
         let about = point.inertia_about(&Vector3::zeros());
         assert_eq!(about, Matrix3::from_diagonal(&Vector3::new(0.5, 0.0, 0.5)));
+    }
+
+    #[test]
+    fn elements_make_the_body_that_they_came_from() {
+        let elements = [0.5, 0.01, 0.02, 0.6, 0.03, 0.7];
+        let load = Load::from_elements(2.0, [0.1, 0.2, 0.3], elements).expect("a body");
+        assert_eq!(load.inertia_elements(), elements);
+        assert_eq!(load.inertia(), &load.inertia().transpose());
+        assert_eq!(load.centre_of_mass(), &Vector3::new(0.1, 0.2, 0.3));
     }
 
     #[test]

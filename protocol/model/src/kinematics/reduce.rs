@@ -9,6 +9,7 @@
 #![allow(non_snake_case, reason = "X_JN is the pose of frame N in frame J, R_JN its rotation")]
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Below this sine two axes count as parallel.
 const PARALLEL: f64 = 1e-14;
@@ -38,7 +39,7 @@ pub(super) struct Moving {
 }
 
 /// One moving joint with what follows it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Step {
     pub(super) joint: usize,
     pub(super) variable: usize,
@@ -54,7 +55,7 @@ pub(super) struct Step {
 }
 
 /// A chain ready for evaluation.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Reduced {
     /// Pose of the first joint's frame in the base.
     pub(super) first: (Matrix3<f64>, Vector3<f64>),

@@ -5,6 +5,7 @@ use super::legality::Legality;
 use super::ramp::strongest;
 use super::rate::{RATE_TOLERANCE, Rate};
 use crate::{JointVector, MotionLimits, OnlineState};
+use serde::{Deserialize, Serialize};
 
 /// Longest step in which the rate is planned \[s\], while a tick has not more than
 /// [`MAX_SUBSTEPS`] of them; beyond, steps are longer, which is as legal but less eager.
@@ -55,7 +56,7 @@ const PREDICTION_STEPS: u32 = 4096;
 /// assert_eq!(motion.state(&curve).state.position, curve.target());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OnPath {
     limits: MotionLimits,
     duration_s: f64,
@@ -69,7 +70,7 @@ pub struct OnPath {
 }
 
 /// What is asked of the rate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Demand {
     Run,
     Pause,
@@ -77,7 +78,7 @@ enum Demand {
 }
 
 /// What a motion on a path asks for at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathState {
     /// Where it is on the path, as time of the curve \[s\].
     pub phase_s: f64,
@@ -154,6 +155,48 @@ impl OnPath {
         motion.rate.phase_s = phase_s.clamp(0.0, motion.duration_s);
         motion.has_begun = motion.rate.phase_s > 0.0;
         Ok(motion)
+    }
+
+    /// Goes on along another `curve` from its phase `phase_s` \[s\], as fast as now.
+    ///
+    /// That is legal where both curves have the same position and derivatives here, and are the
+    /// same as far as this motion has [committed](Self::committed_s) itself.
+    ///
+    /// # Errors
+    /// [`OnPathError::JointCount`] if the curve has another number of joints.
+    pub fn go_over(&mut self, curve: &impl TimedCurve, phase_s: f64) -> Result<(), OnPathError> {
+        let (joints, limits) = (curve.joint_count(), self.limits.len());
+        if joints != limits {
+            return Err(OnPathError::JointCount { joints, limits });
+        }
+        self.duration_s = curve.duration_s();
+        self.hint = 0;
+        self.rate.phase_s = phase_s.clamp(0.0, self.duration_s);
+        self.has_begun = true;
+        Ok(())
+    }
+
+    /// Where it is on its path, as time of the curve \[s\].
+    #[must_use]
+    pub const fn phase_s(&self) -> f64 {
+        self.rate.phase_s
+    }
+
+    /// How fast the phase runs, 0 to 1.
+    #[must_use]
+    pub const fn rate(&self) -> f64 {
+        self.rate.rate
+    }
+
+    /// Up to which phase \[s\] the curve was relied on: where the rate could be constant again. It
+    /// is the present one unless the rate changes.
+    #[must_use]
+    pub fn committed_s(&self) -> f64 {
+        if self.rate.slope == 0.0 {
+            return self.rate.phase_s;
+        }
+        let settle_s = self.rate.slope.abs() / self.way_back;
+        self.rate.piece(-self.way_back.copysign(self.rate.slope), settle_s).end.phase_s
     }
 
     /// Runs at `ratio` times the speed that the curve was made for, from 0 to 1, as soon as the

@@ -1,12 +1,13 @@
 //! The phase, how fast it runs, and how that changes.
 
 use super::curve::Span;
+use serde::{Deserialize, Serialize};
 
 /// How near a rate is to another to be taken for it.
 pub(super) const RATE_TOLERANCE: f64 = 1e-9;
 
 /// Where a motion is on its path and how fast the phase runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Rate {
     /// Phase \[s\].
     pub(super) phase_s: f64,

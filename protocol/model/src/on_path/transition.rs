@@ -5,6 +5,7 @@ use crate::{
     JerkLimitedMove, JerkLimitedStop, MotionLimits, OnlineError, OnlineGenerator, OnlineOptions,
     OnlineState, RuckigGenerator,
 };
+use serde::{Deserialize, Serialize};
 
 /// How many places to join a curve are tried, besides its start.
 const CANDIDATES: u32 = 8;
@@ -19,7 +20,7 @@ const CANDIDATES: u32 = 8;
 /// At every instant a legal stop exists: a way onto the curve is only accepted together with the
 /// stop from where it joins. Planning takes nine plans of [`JerkLimitedMove`], some 0.1 ms, and
 /// allocates nothing.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Transition {
     stop: Option<JerkLimitedStop>,
     way: JerkLimitedMove,

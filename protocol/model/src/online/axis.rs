@@ -1,6 +1,7 @@
 //! Motion of one joint as phases of constant jerk.
 
 use arrayvec::ArrayVec;
+use serde::{Deserialize, Serialize};
 
 use crate::AxisLimits;
 
@@ -11,7 +12,7 @@ const MAX_PHASES: usize = 13;
 const TURN_HALVINGS: u32 = 40;
 
 /// Position, velocity and acceleration of one joint at one instant, in its unit \[rad or m\].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AxisPoint {
     /// Position \[rad or m\].
     pub position: f64,
@@ -22,7 +23,7 @@ pub struct AxisPoint {
 }
 
 /// Motion of one joint: phases of constant jerk without a gap between them, then rest.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AxisMotion {
     phases: ArrayVec<Phase, MAX_PHASES>,
     /// Where it is after all phases so far.
@@ -32,7 +33,7 @@ pub struct AxisMotion {
 }
 
 /// Constant jerk from a point on.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Phase {
     start_s: f64,
     start: AxisPoint,
@@ -40,7 +41,7 @@ struct Phase {
 }
 
 /// Lowest and highest value of one quantity.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Range {
     pub(crate) low: f64,
     pub(crate) high: f64,
@@ -97,6 +98,32 @@ impl AxisMotion {
         motion.come_to_velocity(0.0, limits);
         motion.rest();
         motion
+    }
+
+    /// The least-time way from `start` to `velocity`, under the limits of acceleration and jerk
+    /// alone; it stays at that velocity.
+    pub(crate) fn to_velocity(start: AxisPoint, velocity: f64, limits: &AxisLimits) -> Self {
+        let mut motion = Self::from_point(start);
+        motion.come_to_velocity(velocity, limits);
+        motion
+    }
+
+    /// How long [`to_velocity`](Self::to_velocity) takes \[s\].
+    pub(crate) fn time_to_velocity(start: AxisPoint, velocity: f64, limits: &AxisLimits) -> f64 {
+        let (a_max, jerk) = (limits.acceleration, limits.jerk);
+        let down_s = ((start.acceleration.abs() - a_max) / jerk).max(0.0);
+        let AxisPoint { velocity: v, acceleration: a, .. } =
+            start.after(down_s, -start.acceleration.signum() * jerk);
+        let gain = velocity - v;
+        let sign = (gain - a * a.abs() / (2.0 * jerk)).signum();
+        let peak = (jerk * sign * gain + 0.5 * a * a).max(0.0).sqrt();
+        let flat_s = if peak >= a_max {
+            (sign * gain - (2.0 * a_max * a_max - a * a) / (2.0 * jerk)) / a_max
+        } else {
+            0.0
+        };
+        let peak = peak.min(a_max);
+        down_s + (peak - sign * a).max(0.0) / jerk + flat_s.max(0.0) + peak / jerk
     }
 
     /// The least-time stop from `start` that stays inside the position limits, or leaves them
@@ -232,6 +259,11 @@ impl AxisMotion {
             Some(phase) => phase.start.after((t_s - phase.start_s).max(0.0), phase.jerk),
             None => self.end,
         }
+    }
+
+    /// The point at `t_s` \[s\] of a motion that goes on from its end at the velocity it has there.
+    pub(crate) fn after(&self, t_s: f64) -> AxisPoint {
+        if t_s > self.end_s { self.end.after(t_s - self.end_s, 0.0) } else { self.at(t_s) }
     }
 
     /// Each phase with the point and the time at which it ends.

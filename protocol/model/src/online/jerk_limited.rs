@@ -1,6 +1,7 @@
 //! Motion of all joints from any state to a target, with limited jerk.
 
 use arrayvec::ArrayVec;
+use serde::{Deserialize, Serialize};
 
 use super::axis::{AxisMotion, AxisPoint};
 use super::generator::{AxisDurations, AxisRequest, OnlineGenerator};
@@ -47,7 +48,7 @@ const STRETCHES: [f64; 4] = [1.0, 1.0 + 1e-12, 1.0 + 1e-9, 1.0 + 1e-6];
 /// assert_eq!(motion.at(motion.duration_s()), target);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JerkLimitedMove {
     axes: ArrayVec<AxisMotion, MAX_JOINTS>,
     duration_s: f64,

@@ -2,13 +2,14 @@
 
 use super::axis::AxisPoint;
 use crate::{JointVector, LimitedQuantity, MAX_JOINTS, MotionLimits, MotionState};
+use serde::{Deserialize, Serialize};
 
 /// Largest absolute value of any position, velocity and acceleration that is planned for. Beyond it
 /// the solvers lose the digits that they need.
 pub const MAX_ONLINE_VALUE: f64 = 1e6;
 
 /// Position, velocity and acceleration of all joints at one instant, in the robot's joint order.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OnlineState {
     /// Position of each joint \[rad or m\].
     pub position: JointVector,
@@ -19,7 +20,7 @@ pub struct OnlineState {
 }
 
 /// How a jerk-limited motion shall be made.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OnlineOptions {
     /// What the joints have to do with each other.
     pub synchronisation: Synchronisation,
@@ -28,7 +29,7 @@ pub struct OnlineOptions {
 }
 
 /// What the joints of a motion have to do with each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Synchronisation {
     /// All joints arrive at the same time.
     #[default]

@@ -6,6 +6,7 @@ use super::request::{OnlineError, OnlineOptions, OnlineState};
 use super::ruckig::RuckigGenerator;
 use super::stop::JerkLimitedStop;
 use crate::MotionLimits;
+use serde::{Deserialize, Serialize};
 
 /// Follows a target that may change at any instant, with limited jerk, for a control loop.
 ///
@@ -40,8 +41,10 @@ use crate::MotionLimits;
 /// assert_eq!(joints.tick(10.0), at(-0.5)?);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Retargeter<G = RuckigGenerator> {
+    /// Holds nothing that outlives a plan.
+    #[serde(skip)]
     generator: G,
     limits: MotionLimits,
     options: OnlineOptions,

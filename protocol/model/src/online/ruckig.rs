@@ -46,6 +46,13 @@ enum Solved {
     Stop(AxisRequest),
 }
 
+/// A clone begins empty: nothing that is kept outlives a plan.
+impl Clone for RuckigGenerator {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
 impl Default for RuckigGenerator {
     fn default() -> Self {
         Self {

@@ -4,6 +4,7 @@ use super::axis::AxisMotion;
 use super::jerk_limited::JerkLimitedMove;
 use super::request::{OnlineError, OnlineState};
 use crate::{JointVector, MotionLimits};
+use serde::{Deserialize, Serialize};
 
 /// The least-time stop of all joints from any state, each by itself, with limited acceleration and
 /// jerk. It is a closed form and never fails for a state of finite numbers.
@@ -13,7 +14,7 @@ use crate::{JointVector, MotionLimits};
 /// that keeps it inside; one that cannot stay inside leaves them as little as possible. A state
 /// outside the limits of velocity and acceleration is taken, as
 /// [`JerkLimitedMove`] says. It does not stay on the path that the joints were on.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JerkLimitedStop {
     motion: JerkLimitedMove,
 }

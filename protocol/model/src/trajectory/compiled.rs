@@ -10,6 +10,7 @@ use super::tolerance::{Tolerance, Tolerances};
 use super::validate::{self, REST_TOLERANCE};
 use super::waypoints::JointTrajectory;
 use crate::JointVector;
+use serde::{Deserialize, Serialize};
 
 /// A piecewise polynomial motion of all joints of one robot, inside all limits, from rest to rest
 /// if nothing else was asked for.
@@ -50,7 +51,7 @@ use crate::JointVector;
 /// assert!(state.acceleration[0].abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompiledTrajectory {
     start: JointVector,
     end: JointVector,
@@ -61,6 +62,9 @@ pub struct CompiledTrajectory {
     bounds: Vec<f64>,
     tolerances: Tolerances,
     limits_jerk: bool,
+    /// Highest magnitudes of all segments.
+    peak_velocity: JointVector,
+    peak_acceleration: JointVector,
 }
 
 /// What a trajectory asks for at one time.
@@ -152,7 +156,18 @@ impl CompiledTrajectory {
         let bounds = check::check(&curve, &names, limits, options)?;
         let end_velocity = end_velocity(&curve, end, options.ends);
         let limits_jerk = options.jerk == JerkLimit::Enforced;
-        Ok(Self { start, end, end_velocity, waypoints, curve, bounds, tolerances, limits_jerk })
+        Ok(Self {
+            peak_velocity: peak(&bounds, start, 0),
+            peak_acceleration: peak(&bounds, start, 1),
+            start,
+            end,
+            end_velocity,
+            waypoints,
+            curve,
+            bounds,
+            tolerances,
+            limits_jerk,
+        })
     }
 
     /// Time of the last waypoint \[s\].
@@ -250,6 +265,32 @@ impl CompiledTrajectory {
         self.tolerances.at(waypoint)
     }
 
+    /// Index of the last waypoint whose time has come at `t_s` \[s\], as [`Sample::waypoint`] tells.
+    /// `hint` is as for [`sample`](Self::sample).
+    #[must_use]
+    pub fn waypoint_at(&self, t_s: f64, hint: &mut usize) -> usize {
+        self.locate(t_s, hint)
+            .map_or(self.waypoints - 1, |place| self.curve.waypoint(place.segment))
+    }
+
+    /// Whether a waypoint has a tolerance of velocities.
+    #[must_use]
+    pub fn has_velocity_tolerance(&self) -> bool {
+        self.tolerances.has_velocity()
+    }
+
+    /// Highest speed of each joint anywhere \[rad/s or m/s\], exactly.
+    #[must_use]
+    pub const fn peak_velocity(&self) -> JointVector {
+        self.peak_velocity
+    }
+
+    /// Highest magnitude of the acceleration of each joint anywhere \[rad/s² or m/s²\], exactly.
+    #[must_use]
+    pub const fn peak_acceleration(&self) -> JointVector {
+        self.peak_acceleration
+    }
+
     /// Number of segments, one at least: in a spline those between the waypoints, with blends more.
     #[must_use]
     pub const fn segment_count(&self) -> usize {
@@ -333,6 +374,18 @@ fn end_velocity(curve: &Curve, like: JointVector, ends: Ends) -> JointVector {
         let rests = ends == Ends::AtRest || v.abs() <= REST_TOLERANCE;
         if rests { 0.0 } else { v }
     })
+}
+
+/// The highest of row `row` of the bounds of all segments, for each joint.
+fn peak(bounds: &[f64], like: JointVector, row: usize) -> JointVector {
+    let joints = like.len();
+    let mut peak = like.map_indexed(|_, _| 0.0);
+    for rows in bounds.chunks_exact(BOUNDS * joints) {
+        for (peak, &value) in peak.iter_mut().zip(rows.iter().skip(row * joints)) {
+            *peak = value.max(*peak);
+        }
+    }
+    peak
 }
 
 fn row(rows: &[f64], joints: usize, index: usize) -> JointVector {

@@ -2,13 +2,14 @@
 
 use super::piece::{Knot, Piece};
 use crate::JointVector;
+use serde::{Deserialize, Serialize};
 
 /// How many segments a search looks ahead of its hint before it bisects.
 const LOOK_AHEAD: usize = 4;
 
 /// Piecewise polynomials of all joints with common segments. One segment lies between two
 /// waypoints or is a part of that.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Curve {
     joints: usize,
     degree: Degree,
@@ -23,7 +24,7 @@ pub(super) struct Curve {
 }
 
 /// Degree of all polynomials of a [`Curve`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Degree {
     Three,
     Five,

@@ -4,9 +4,10 @@ use super::motion_limits::{AxisLimits, MotionLimits};
 use super::profile::{AxisProfile, AxisState, ProfileError};
 use super::validate::LIMIT_TOLERANCE;
 use crate::{JointVector, MAX_JOINTS};
+use serde::{Deserialize, Serialize};
 
 /// Position and velocity of all joints at one instant, in the robot's joint order.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotionState {
     /// Position of each joint \[rad or m\].
     pub position: JointVector,
@@ -23,7 +24,7 @@ pub struct MotionState {
 /// set-point: the curve then has continuous velocity, and the set-points stay legal as the
 /// module's head says. The difference of the last two set-points will not do, it is the velocity
 /// half a period earlier.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointMove {
     len: usize,
     axes: [AxisProfile; MAX_JOINTS],

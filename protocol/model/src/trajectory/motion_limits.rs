@@ -1,11 +1,12 @@
 //! Limits that are complete enough to plan with.
 
+use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 
 use crate::{JointLimits, JointVector, MAX_JOINTS};
 
 /// Limits of one driven joint, in its unit \[rad or m\].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AxisLimits {
     /// Lowest position, minus infinity if there is none.
     pub lower: f64,
@@ -28,7 +29,7 @@ pub const DEFAULT_JERK_TIME_S: f64 = 0.05;
 ///
 /// Unlike [`JointLimits`], which say what a robot's description happens to give, these are
 /// complete: a joint without a limit of speed or of acceleration cannot be planned for.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MotionLimits {
     len: usize,
     axes: [AxisLimits; MAX_JOINTS],

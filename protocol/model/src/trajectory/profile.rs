@@ -1,9 +1,10 @@
 //! Time-optimal motion of one axis to rest at a target.
 
 use super::motion_limits::AxisLimits;
+use serde::{Deserialize, Serialize};
 
 /// Position and velocity of one axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AxisState {
     /// Position \[rad or m\].
     pub position: f64,
@@ -16,7 +17,7 @@ pub struct AxisState {
 ///
 /// Any start velocity is taken. One above the limit is first reduced to it; one that cannot be
 /// braked before the target overshoots and returns; so does one that points away.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AxisProfile {
     start: AxisState,
     target: f64,

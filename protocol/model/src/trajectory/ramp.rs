@@ -1,5 +1,6 @@
 //! The decelerating stop.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use super::joint_move::MotionState;
@@ -24,7 +25,7 @@ use crate::JointVector;
 /// and the velocity of the curve at `x_0` is at least `w_0 - a T / 2`.) If the motion before it was
 /// not legal, [`stop_position`](Self::stop_position) tells where it ends; deceleration is never
 /// exceeded.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StopRamp {
     start: MotionState,
     /// Share of its start velocity that each joint loses per tick.

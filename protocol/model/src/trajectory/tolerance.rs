@@ -3,6 +3,7 @@
 use super::error::TrajectoryError;
 use super::validate::{Column, name};
 use super::waypoints::Waypoint;
+use serde::{Deserialize, Serialize};
 
 /// How far the robot may be from the set-points of a trajectory. A slice holds one value per joint,
 /// in the robot's joint order, or nothing if the trajectory does not ask for anything.
@@ -15,7 +16,7 @@ pub struct Tolerance<'a> {
 }
 
 /// Tolerances of all waypoints.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tolerances {
     joints: usize,
     /// A row per waypoint, of zeros if it has none; empty if no waypoint has any.
@@ -37,6 +38,10 @@ impl Tolerances {
         let position = rows("position_tolerance", |waypoint| &waypoint.position_tolerance)?;
         let velocity = rows("velocity_tolerance", |waypoint| &waypoint.velocity_tolerance)?;
         Ok(Self { joints: columns.len(), position, velocity })
+    }
+
+    pub(super) const fn has_velocity(&self) -> bool {
+        !self.velocity.is_empty()
     }
 
     pub(super) fn at(&self, waypoint: usize) -> Tolerance<'_> {

@@ -96,6 +96,16 @@ fn a_controller_that_restarts_is_found_again_and_nothing_old_is_done_to_it() {
 }
 
 #[test]
+fn a_reset_after_the_controller_restarted_does_not_repeat_what_the_run_before_has_done() {
+    let mut pair = Pair::enabled(quiet());
+    pair.emulator = config(quiet()).emulator(&setup(33)).expect("emulator");
+    pair.run(0.5);
+    pair.request(DriverRequest::ResetErrors);
+    pair.run(0.5);
+    assert!(!pair.feedback().enabled, "the old request to enable went along");
+}
+
+#[test]
 fn a_set_point_from_before_the_controller_answered_is_never_sent() {
     let mut pair = Pair::new(quiet());
     pair.driver.command(pair.now, &set_point([0.4, 0.0], [0.0, 0.0]));

@@ -1,8 +1,12 @@
 //! Driver and emulator back to back in memory, on an invented clock and an unreliable network.
 
+mod board;
 mod faults;
+mod homing;
 mod link;
 mod motion;
+mod moves;
+mod safety;
 mod wire;
 
 use std::net::SocketAddr;
@@ -10,7 +14,7 @@ use std::num::NonZeroU64;
 use std::time::Duration;
 
 use armada_model::{JointLimits, JointType, JointVector, MonoTime};
-use armada_protocol::messages::JointInfo;
+use armada_protocol::messages::{JointInfo, ReducedLimits};
 
 use super::noise::Noise;
 use super::{Config, EmulatorConfig, Fault, SimDriver, SimEmulator, decode_inject_answer};
@@ -34,12 +38,19 @@ fn setup(nonce: u64) -> DriverSetup {
         effort: Some(100.0),
     };
     let joint =
-        |name: &str, joint_type, limits| JointInfo { name: name.into(), joint_type, limits };
+        |name: &str, joint_type, limits| JointInfo {
+            name: name.into(),
+            joint_type,
+            limits,
+            reduced: ReducedLimits::default(),
+            home: None,
+        };
     DriverSetup {
         joints: vec![
             joint("turn", JointType::Revolute, limits(3.0, 1.0)),
             joint("slide", JointType::Prismatic, limits(0.5, 0.1)),
         ],
+        chains: Vec::new(),
         period: PERIOD,
         boot_nonce: NonZeroU64::new(nonce).expect("nonce is not zero"),
     }
@@ -127,6 +138,11 @@ impl Pair {
     }
 
     fn in_weather(emulator: EmulatorConfig, weather: Weather) -> Self {
+        Self::of(setup, emulator, weather)
+    }
+
+    /// The robot that `setup` gives for the nonces of both sides.
+    fn of(setup: fn(u64) -> DriverSetup, emulator: EmulatorConfig, weather: Weather) -> Self {
         let config = config(emulator);
         Self {
             now: MonoTime::from_nanos(1_000_000_000),
@@ -232,6 +248,10 @@ impl Pair {
             let position = 0.5 * ACCELERATION_LIMIT * ramped * ramped + speed * (t - ramped);
             [(position, ACCELERATION_LIMIT * ramped), (0.0, 0.0)]
         });
+    }
+
+    fn request(&mut self, request: DriverRequest) {
+        self.driver.request(self.now, request);
     }
 
     fn inject(&mut self, text: &str) -> bool {

@@ -1,13 +1,18 @@
 //! Packets survive both ways, and no bytes do harm.
 
-use armada_protocol::messages::OperationalMode;
+use armada_model::Pose;
+use armada_protocol::messages::{OperationalMode, RobotFlags};
+use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
 
 use super::super::wire::{
     Body, Header, MAX_VALUE, Power, RequestBody, Status, WireError, decode, encode,
 };
 use super::*;
-use crate::drivers::LinkRefusal;
+use crate::drivers::{
+    DelegatedGoal, DelegatedMove, DelegatedReport, DelegatedStatus, JointSet, LinkRefusal,
+    LoadSetting, ReportedTip, TipFrame, Values,
+};
 
 fn joints(len: usize) -> impl Strategy<Value = JointVector> {
     prop::collection::vec(-MAX_VALUE..=MAX_VALUE, len)
@@ -26,11 +31,85 @@ fn requests() -> impl Strategy<Value = RequestBody> {
         (1_u32.., any::<bool>())
             .prop_map(|(id, on)| (id, Some(if on { Power::On } else { Power::Off }))),
     ];
-    (power, any::<u32>()).prop_map(|((power_id, power), reset_id)| RequestBody {
-        power_id,
-        power,
-        reset_id,
+    let order = prop_oneof![
+        Just((0, None)),
+        (1_u32.., orders()).prop_map(|(id, order)| (id, Some(order))),
+    ];
+    (power, any::<u32>(), order).prop_map(|((power_id, power), reset_id, (order_id, order))| {
+        RequestBody { power_id, power, reset_id, order_id, order }
     })
+}
+
+fn poses() -> impl Strategy<Value = Pose> {
+    prop::array::uniform6(-10.0..10.0_f64).prop_map(|[x, y, z, a, b, c]| {
+        Pose::from_isometry(Isometry3::new(Vector3::new(x, y, z), Vector3::new(a, b, c)))
+    })
+}
+
+fn moves() -> impl Strategy<Value = DelegatedMove> {
+    let goal = prop_oneof![
+        (1_usize..=16).prop_flat_map(joints).prop_map(DelegatedGoal::Joint),
+        (any::<u8>(), poses()).prop_map(|(chain, pose)| DelegatedGoal::Pose { chain, pose }),
+        (any::<u8>(), poses()).prop_map(|(chain, pose)| DelegatedGoal::Linear { chain, pose }),
+    ];
+    (any::<u32>(), goal, 0.01..=1.0, 0.0..1.0, any::<bool>()).prop_map(
+        |(number, goal, speed, blend_radius_m, connect)| DelegatedMove {
+            number,
+            goal,
+            speed,
+            blend_radius_m,
+            connect,
+        },
+    )
+}
+
+fn values<const N: usize>() -> impl Strategy<Value = Values<N>> {
+    prop::collection::vec(-MAX_VALUE..=MAX_VALUE, 0..=N)
+        .prop_map(|values| Values::from_slice(&values).expect("few"))
+}
+
+fn loads() -> impl Strategy<Value = LoadSetting> {
+    (0.0..100.0, prop::array::uniform3(-1.0..1.0), prop::array::uniform6(-1.0..1.0))
+        .prop_map(|(mass, com, inertia)| LoadSetting { mass, com, inertia })
+}
+
+fn orders() -> impl Strategy<Value = DriverRequest> {
+    prop_oneof![
+        any::<u16>().prop_map(|bits| DriverRequest::Home(JointSet::from_bits(bits))),
+        moves().prop_map(DriverRequest::Move),
+        Just(DriverRequest::StopMotion),
+        Just(DriverRequest::PauseMotion),
+        Just(DriverRequest::ResumeMotion),
+        (0.01..=1.0).prop_map(DriverRequest::SetSpeedRatio),
+        (any::<u8>(), values())
+            .prop_map(|(signal, values)| DriverRequest::SetSignal { signal, values }),
+        (any::<u8>(), -MAX_VALUE..=MAX_VALUE)
+            .prop_map(|(parameter, value)| DriverRequest::SetParameter { parameter, value }),
+        (any::<u8>(), loads()).prop_map(|(chain, load)| DriverRequest::SetLoad { chain, load }),
+        (any::<u8>(), poses()).prop_map(|(chain, tool)| DriverRequest::SetTool { chain, tool }),
+    ]
+}
+
+fn reports() -> impl Strategy<Value = Option<DelegatedReport>> {
+    let status = prop_oneof![
+        Just(DelegatedStatus::Waiting),
+        Just(DelegatedStatus::Running),
+        Just(DelegatedStatus::Paused),
+        Just(DelegatedStatus::Done),
+        Just(DelegatedStatus::Stopped),
+        any::<u32>().prop_map(|code| DelegatedStatus::Failed { code }),
+    ];
+    prop::option::of((any::<u32>(), status, 0.0..=1.0).prop_map(|(number, status, progress)| {
+        DelegatedReport { number, status, progress }
+    }))
+}
+
+fn tips() -> impl Strategy<Value = [Option<ReportedTip>; 2]> {
+    let frame = prop::sample::select(vec![TipFrame::Flange, TipFrame::Tcp]);
+    let tip = (any::<u8>(), frame, poses())
+        .prop_map(|(chain, frame, pose)| ReportedTip { chain, frame, pose });
+    prop::collection::vec(tip, 0..=2)
+        .prop_map(|tips| [tips.first().copied(), tips.get(1).copied()])
 }
 
 fn statuses() -> impl Strategy<Value = Status> {
@@ -42,21 +121,41 @@ fn statuses() -> impl Strategy<Value = Status> {
         OperationalMode::Auto,
         OperationalMode::Cobot,
     ]);
-    (any::<(u64, u64, u32, u32)>(), any::<(bool, bool, bool)>(), mode, any::<u32>(), vectors)
-        .prop_map(|(numbers, flags, operational_mode, error, vectors)| Status {
+    let conditions = any::<(bool, bool)>().prop_map(|(button, guard)| {
+        RobotFlags::ENABLING_SWITCH
+            .with(RobotFlags::ESTOP_BUTTON2, button)
+            .with(RobotFlags::ESTOP_GUARD4, guard)
+    });
+    let ids = any::<(u64, u64, u32, u32, u32, u32)>();
+    let more = (reports(), values(), values(), tips(), conditions);
+    (ids, any::<(bool, bool, bool, bool)>(), mode, vectors, any::<(u16, u16)>(), more)
+        .prop_map(|(numbers, flags, operational_mode, vectors, sets, more)| Status {
             time_ns: numbers.0,
             last_command: numbers.1,
             last_power_id: numbers.2,
             last_reset_id: numbers.3,
+            last_order_id: numbers.4,
             enabled: flags.0,
             ready: flags.1,
             emergency_stop: flags.2,
+            guard_stop: flags.3,
+            conditions: more.4,
             operational_mode,
-            error,
+            error: numbers.5,
+            homed: of_joints(sets.0, vectors.0.len()),
+            homing: of_joints(sets.1, vectors.0.len()),
             position: vectors.0,
             velocity: vectors.1,
             effort: vectors.2,
+            delegated: more.0,
+            signals: more.1,
+            parameters: more.2,
+            tips: more.3,
         })
+}
+
+fn of_joints(bits: u16, count: usize) -> JointSet {
+    JointSet::from_bits(bits & JointSet::first(count).bits())
 }
 
 fn bodies() -> impl Strategy<Value = Body> {
@@ -66,6 +165,9 @@ fn bodies() -> impl Strategy<Value = Body> {
         Fault::SilenceMs(500),
         Fault::BlockJoint(15),
         Fault::LatencyMs(0),
+        Fault::KeySwitch(OperationalMode::Auto),
+        Fault::GuardOpen(4),
+        "input=FT1[2]:-9.5".parse().expect("a fault"),
     ]);
     let refusals = prop_oneof![
         Just(LinkRefusal::Busy),
@@ -112,7 +214,7 @@ proptest! {
     }
 
     #[test]
-    fn a_buffer_that_is_too_short_takes_nothing(body in bodies(), room in 0_usize..600) {
+    fn a_buffer_that_is_too_short_takes_nothing(body in bodies(), room in 0_usize..1100) {
         let header = Header { sender: 1, receiver: 1, sequence: 1 };
         let mut whole = [0; MAX_PACKET];
         let len = encode(&header, &body, &mut whole);
@@ -122,7 +224,7 @@ proptest! {
 
     #[test]
     fn a_cut_or_lengthened_packet_is_refused(
-        header in headers(), body in bodies(), cut in 0_usize..600,
+        header in headers(), body in bodies(), cut in 0_usize..1100,
     ) {
         let mut buffer = [0; MAX_PACKET];
         let len = encode(&header, &body, &mut buffer);
@@ -158,18 +260,142 @@ proptest! {
     }
 }
 
-#[test]
-fn the_layout_is_the_documented_one() {
+/// The bytes of a packet from run 0x0102 to run 0x0304, its fifth, without the header.
+fn body_bytes(body: &Body) -> Vec<u8> {
     let header = Header { sender: 0x0102, receiver: 0x0304, sequence: 5 };
     let mut buffer = [0; MAX_PACKET];
-    let body = Body::Command(set_point([1.5, -2.0], [0.0, 0.25]));
-    let len = encode(&header, &body, &mut buffer);
-    let mut expected = b"ASIM\x01\x02\x41\x00".to_vec();
-    expected.extend([2, 1, 0, 0, 0, 0, 0, 0, 4, 3, 0, 0, 0, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0, 2]);
-    for value in [1.5_f64, -2.0, 0.0, 0.25] {
-        expected.extend(value.to_le_bytes());
+    let len = encode(&header, body, &mut buffer);
+    let (kind, length) = (buffer[5], len as u8);
+    let mut expected = vec![b'A', b'S', b'I', b'M', 2, kind, length, (len >> 8) as u8];
+    expected.extend([2, 1, 0, 0, 0, 0, 0, 0, 4, 3, 0, 0, 0, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(&buffer[..32], &expected);
+    buffer[32..len].to_vec()
+}
+
+/// Bytes and numbers one after another.
+fn bytes(parts: &[&dyn AsBytes]) -> Vec<u8> {
+    parts.iter().flat_map(|part| part.bytes()).collect()
+}
+
+trait AsBytes {
+    fn bytes(&self) -> Vec<u8>;
+}
+
+impl<const N: usize> AsBytes for [u8; N] {
+    fn bytes(&self) -> Vec<u8> {
+        self.to_vec()
     }
-    assert_eq!(&buffer[..len], &expected);
+}
+
+impl<const N: usize> AsBytes for [f64; N] {
+    fn bytes(&self) -> Vec<u8> {
+        self.iter().flat_map(|value| value.to_le_bytes()).collect()
+    }
+}
+
+#[test]
+fn the_layout_of_small_packets_is_the_documented_one() {
+    assert_eq!(body_bytes(&Body::Hello { joints: 7 }), [7]);
+    let command = Body::Command(set_point([1.5, -2.0], [0.0, 0.25]));
+    assert_eq!(body_bytes(&command), bytes(&[&[2_u8], &[1.5, -2.0, 0.0, 0.25]]));
+    let refusal = LinkRefusal::JointCount { controller: 6, client: 7 };
+    assert_eq!(body_bytes(&Body::Refused(refusal)), [2, 6, 7]);
+    let fault: Fault = "input=AI1:2.5".parse().expect("a fault");
+    let expected = bytes(&[&[23_u8, 0, 0, 0, 0], &[2.5], b"\x03AI1"]);
+    assert_eq!(body_bytes(&Body::Inject(fault)), expected);
+    let answer = Body::InjectAnswer { fault: Fault::BlockJoint(3), accepted: true };
+    assert_eq!(body_bytes(&answer), bytes(&[&[8_u8, 3, 0, 0, 0], &[0.0], &[0_u8, 1]]));
+}
+
+#[test]
+fn the_layout_of_requests_is_the_documented_one() {
+    let request = |order_id, order| {
+        let power = Some(Power::Off);
+        body_bytes(&Body::Request(RequestBody { power_id: 3, power, reset_id: 4, order_id, order }))
+    };
+    assert_eq!(request(0, None), [3, 0, 0, 0, 2, 4, 0, 0, 0, 0, 0, 0, 0, 0]);
+    let begin = [3_u8, 0, 0, 0, 2, 4, 0, 0, 0, 9, 0, 0, 0];
+    let order = |order| request(9, Some(order));
+    let home = DriverRequest::Home(JointSet::from_bits(0x0105));
+    assert_eq!(order(home), bytes(&[&begin, &[1_u8, 5, 1]]));
+    let goal = DelegatedGoal::Linear { chain: 1, pose: Pose::from_translation(1.0, 2.0, 3.0) };
+    let wanted =
+        DelegatedMove { number: 6, goal, speed: 0.5, blend_radius_m: 0.25, connect: true };
+    let expected = bytes(&[
+        &begin,
+        &[2_u8, 6, 0, 0, 0],
+        &[0.5, 0.25],
+        &[1_u8, 3, 1],
+        &[1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0],
+    ]);
+    assert_eq!(order(DriverRequest::Move(wanted)), expected);
+    let values = Values::from_slice(&[1.0, 0.0]).expect("few");
+    let signal = DriverRequest::SetSignal { signal: 4, values };
+    assert_eq!(order(signal), bytes(&[&begin, &[7_u8, 4, 2], &[1.0, 0.0]]));
+    let parameter = DriverRequest::SetParameter { parameter: 2, value: 8.0 };
+    assert_eq!(order(parameter), bytes(&[&begin, &[8_u8, 2], &[8.0]]));
+}
+
+fn status(joints: usize, signals: usize, parameters: usize, tips: usize) -> Status {
+    let all = |value: f64| {
+        JointVector::from_slice(&vec![value; joints]).expect("finite and few")
+    };
+    let pose = Pose::from_translation(0.5, 0.0, 0.0);
+    let tip = |place| {
+        (place < tips).then_some(ReportedTip { chain: place as u8, frame: TipFrame::Tcp, pose })
+    };
+    Status {
+        time_ns: 1,
+        last_command: 2,
+        last_power_id: 3,
+        last_reset_id: 4,
+        last_order_id: 5,
+        enabled: true,
+        ready: false,
+        emergency_stop: false,
+        guard_stop: true,
+        conditions: RobotFlags::ESTOP_GUARD1,
+        operational_mode: OperationalMode::Cobot,
+        error: 6,
+        homed: JointSet::first(1),
+        homing: JointSet::NONE,
+        position: all(1.0),
+        velocity: all(2.0),
+        effort: all(3.0),
+        delegated: Some(DelegatedReport {
+            number: 7,
+            status: DelegatedStatus::Failed { code: 8 },
+            progress: 0.5,
+        }),
+        signals: Values::from_slice(&vec![4.0; signals]).expect("few"),
+        parameters: Values::from_slice(&vec![5.0; parameters]).expect("few"),
+        tips: [tip(0), tip(1)],
+    }
+}
+
+#[test]
+fn the_layout_of_the_status_is_the_documented_one() {
+    let expected = bytes(&[
+        &[1_u8, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0],
+        &[3_u8, 0, 0, 0, 4, 0, 0, 0, 5, 0, 0, 0],
+        &[0b1001_u8, 4, 0x80, 0, 0, 0, 6, 0, 0, 0],
+        &[1_u8, 1, 0, 0, 0],
+        &[1.0, 2.0, 3.0],
+        &[6_u8, 7, 0, 0, 0, 8, 0, 0, 0],
+        &[0.5],
+        &[1_u8],
+        &[4.0],
+        &[1_u8],
+        &[5.0],
+        &[1_u8, 0, 2],
+        &[0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+    ]);
+    assert_eq!(body_bytes(&Body::Status(status(1, 1, 1, 1))), expected);
+}
+
+#[test]
+fn the_largest_status_fits_into_a_packet() {
+    assert_eq!(32 + body_bytes(&Body::Status(status(16, 32, 16, 2))).len(), 979);
 }
 
 #[test]

@@ -35,6 +35,8 @@ const INJECT_TRIES: u32 = 10;
   armada emulator sim config/robots/left_arm.yaml
   armada emulator inject 127.0.0.1:47101 estop
   armada emulator inject 127.0.0.1:47101 silence_ms=500
+  armada emulator inject 127.0.0.1:47101 key_switch=auto
+  armada emulator inject 127.0.0.1:47101 input=DI1:1
 
 The agent cannot tell it from a controller: it crosses the same sockets."
 )]
@@ -58,8 +60,15 @@ enum EmulatorCommand {
         /// Address of the emulator, as in the robot file
         #[arg(value_name = "HOST:PORT")]
         address: SocketAddr,
-        /// estop, estop_release, error=CODE, silence_ms=MS, freeze, unfreeze, drives_off,
-        /// block_joint=INDEX, unblock or latency_ms=MS
+        /// What to inject, NAME or NAME=VALUE
+        ///
+        /// Emergency stop: estop, estop_button=1..4, estop_fault, estop_other, estop_release.
+        /// Guards and switches: guard_open=1..4, guard_close=1..4, enabling_hold, enabling_release,
+        /// key_switch=MODE (manual_reduced_speed, manual_full_speed, auto, cobot).
+        /// Errors: error=CODE, fatal_error=CODE, fatal_clear, homing_failure, homing_repair,
+        /// drives_off, block_joint=INDEX, unblock.
+        /// Inputs: input=NAME:VALUE, or input=NAME[ELEMENT]:VALUE of one with several values.
+        /// Link: silence_ms=MS, latency_ms=MS, freeze, unfreeze.
         #[arg(value_name = "FAULT")]
         fault: Fault,
     },

@@ -201,7 +201,7 @@ async fn execute(
 ) -> Result<Accepted, ClientError> {
     match plan.mover() {
         Mover::Robot(robot) => {
-            let params = ExecuteTrajectoryParams { motion_id: Some(id), trajectory };
+            let params = ExecuteTrajectoryParams::at_once(Some(id), trajectory);
             client.call::<robot::ExecuteTrajectory>(&robot, params).await
         }
         Mover::Cell => {

@@ -41,6 +41,9 @@ fn fault_line(robot: &RobotName, fault: &Fault) -> String {
         FaultCode::EmergencyStop => "release the emergency stop at the robot, then ",
         FaultCode::ControllerError => "look at the controller's own message, then ",
         FaultCode::TrackingError => "look what held the arm, then ",
+        FaultCode::FatalError => "put it right at the controller, then ",
+        FaultCode::GuardStop => "close the safeguard, then ",
+        FaultCode::VelocityError | FaultCode::HomingFailed => "look what held the arm, then ",
         FaultCode::NotReady | FaultCode::LoopError => "",
     };
     let code = words::wire_name(fault.code);
@@ -72,7 +75,7 @@ fn not_commanded(robot: &RobotName, status: &CellRobotStatus) -> Option<String> 
 #[cfg(test)]
 mod tests {
     use armada_model::MonoTime;
-    use armada_protocol::messages::{StopLatch, StopLevel, StopStage};
+    use armada_protocol::messages::{ClearBy, StopLatch, StopLevel, StopStage};
     use uuid::Uuid;
 
     use super::*;
@@ -100,6 +103,12 @@ mod tests {
         let fault = |code| Fault {
             code,
             message: "joint 3: 0.2 rad behind".to_owned(),
+            joint: None,
+            value: 0.2,
+            limit: 0.1,
+            clear: ClearBy::ResetErrors,
+            remedy: String::new(),
+            recording: None,
             since_ns: MonoTime::ZERO,
         };
         let faults = vec![fault(FaultCode::TrackingError), fault(FaultCode::LoopError)];

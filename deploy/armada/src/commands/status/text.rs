@@ -98,10 +98,7 @@ mod tests {
             presence: Presence::Online,
             command_mode: Some(CommandMode::Jog),
             controller_state: Some(ControllerState::MotorOn),
-            tcp: vec![TcpState {
-                chain: "arm".to_owned(),
-                pose: Pose::from_translation(0.5, 0.0, 1.0),
-            }],
+            tcp: vec![TcpState::of("arm", Pose::from_translation(0.5, 0.0, 1.0))],
             state_age_ms: Some(3.25),
             state_rate_hz: 99.7,
             control_loop: Some(LoopStatistics {

@@ -87,8 +87,8 @@ impl Model {
 pub(super) mod tests {
     use armada_model::{JointLimits, JointType, JointVector, Pose};
     use armada_protocol::messages::{
-        CommandMode, ControllerState, Fault, FaultCode, JointInfo, LoopStatistics, MotionProgress,
-        OperationalMode, RobotFlags, SchedulingPolicy, TcpState,
+        ClearBy, CommandMode, ControllerState, Fault, FaultCode, JointInfo, LoopStatistics,
+        MotionProgress, OperationalMode, ReducedLimits, RobotFlags, SchedulingPolicy, TcpState,
     };
     use uuid::Uuid;
 
@@ -108,6 +108,8 @@ pub(super) mod tests {
                 velocity: 2.0,
                 ..JointLimits::default()
             },
+            reduced: ReducedLimits::default(),
+            home: None,
         };
         RobotInfo {
             robot: "left_arm".parse().expect("a name"),
@@ -124,11 +126,16 @@ pub(super) mod tests {
                 joint("wrist", JointType::Continuous, None),
             ],
             chains: vec![],
+            equipment: vec![],
+            tools: vec![],
+            signals: vec![],
+            parameters: vec![],
             capabilities: vec![],
             methods: vec![],
             flags: vec![],
             period_ms: 2.0,
             state_rate_hz: 100.0,
+            state_classes_hz: vec![],
             urdf: String::new(),
         }
     }
@@ -149,16 +156,17 @@ pub(super) mod tests {
             joint_effort_nm: JointVector::EMPTY,
             joint_position_command_rad: vector(&[0.51, -0.25]),
             joint_velocity_command_rad_s: vector(&[0.1, 0.0]),
-            tcp: vec![TcpState {
-                chain: "arm".to_owned(),
-                pose: Pose::from_translation(0.5, 0.0, 1.0),
-            }],
+            tcp: vec![TcpState::of("arm", Pose::from_translation(0.5, 0.0, 1.0))],
             motion: Some(MotionProgress {
                 id: Uuid::nil(),
                 elapsed_s: 1.0,
                 duration_s: 4.0,
                 waypoint: 3,
+                rate: 1.0,
+                paused: false,
+                queued: 0,
             }),
+            speed_ratio: 1.0,
             config_seqno: 0,
         }
     }
@@ -178,10 +186,18 @@ pub(super) mod tests {
             faults: vec![Fault {
                 code: FaultCode::TrackingError,
                 message: "joint shoulder: 0.3 rad behind".to_owned(),
+                joint: Some("shoulder".to_owned()),
+                value: 0.3,
+                limit: 0.1,
+                clear: ClearBy::ResetErrors,
+                remedy: String::new(),
+                recording: None,
                 since_ns: MonoTime::ZERO,
             }],
             lease: None,
             motion: None,
+            queued: vec![],
+            stream: None,
             control_loop: LoopStatistics {
                 rate_hz: 500.0,
                 target_rate_hz: 500.0,

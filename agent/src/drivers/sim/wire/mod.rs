@@ -1,4 +1,4 @@
-//! Packets between the `sim` driver and the emulated controller: version 1, little endian.
+//! Packets between the `sim` driver and the emulated controller: version 2, little endian.
 //!
 //! One datagram is one packet: a header of 32 bytes, then the body that its kind gives.
 //!
@@ -9,33 +9,70 @@
 //! kind            way  body
 //! 1 hello          ->  joints u8
 //! 2 command        ->  joints u8, positions n f64, velocities n f64
-//! 3 request        ->  power id u32, power u8 (0 none 1 on 2 off), reset id u32
+//! 3 request        ->  power id u32, power u8 (0 none 1 on 2 off), reset id u32,
+//!                      order id u32, order (one byte 0 if the id is 0)
 //! 4 status         <-  time u64 [ns], last command u64, last power id u32, last reset id u32,
-//!                      flags u8 (1 enabled 2 ready 4 emergency stop), operational mode u8,
-//!                      error u32, joints u8, positions, velocities, efforts n f64 each
+//!                      last order id u32,
+//!                      flags u8 (1 enabled 2 ready 4 emergency stop 8 guard stop),
+//!                      operational mode u8, conditions u32, error u32,
+//!                      joints u8, homed u16, homing u16, positions, velocities, efforts n f64 each,
+//!                      move u8 (0 none, else its status: 1 waiting 2 running 3 paused 4 done
+//!                      5 stopped 6 failed), and if there is one: number u32, code u32, progress f64,
+//!                      signals u8, n f64, parameters u8, n f64,
+//!                      tips u8, each: chain u8, frame u8 (1 flange 2 tcp), pose
 //! 5 refused        <-  reason u8 (1 busy 2 joint count 3 version), detail u8, detail u8
-//! 6 inject         ->  fault u8, number u32
-//! 7 inject answer  <-  fault u8, number u32, accepted u8
+//! 6 inject         ->  fault
+//! 7 inject answer  <-  fault, accepted u8
+//!
+//! order, first its kind u8:
+//!  1 home          joints u16, the lowest bit is the first joint
+//!  2 move          number u32, speed f64, blend radius f64 [m], connect u8, goal u8:
+//!                  1 joints u8, positions n f64   2 pose, 3 straight: chain u8, pose
+//!  3 stop   4 pause   5 resume
+//!  6 speed ratio   ratio f64
+//!  7 set signal    signal u8, values u8, n f64
+//!  8 set parameter parameter u8, value f64
+//!  9 set load      chain u8, mass f64, centre of mass 3 f64, inertia 6 f64
+//! 10 set tool      chain u8, pose
+//!
+//! pose     position 3 f64 [m], orientation w x y z f64
+//! fault    tag u8, number u32, value f64, length of the name u8, name
 //! ```
 //!
 //! `sender` and `receiver` are boot nonces: a number that each run of a program chooses. Only
 //! hello and inject may leave `receiver` zero, "not known yet", and so may what answers a packet
 //! whose sender could not be read; only inject may leave `sender` zero. A packet for an
 //! earlier run is dropped. `sequence` counts all packets of a sender from 1. Request ids count the
-//! client's requests from 1, power and reset apart; 0 is none. A request is repeated until the
-//! status shows its id, and done once however often it comes. Numbers are finite and at most
+//! client's requests from 1; power, reset and orders apart; 0 is none, or one that is done. A
+//! request is repeated until the status shows its id, and done once however often it comes. Orders
+//! leave one at a time, each with a higher id than the one before: one that comes late after a newer
+//! one is not done any more. `conditions` are bits of the robot's flag word. Numbers are finite and at most
 //! [`MAX_VALUE`] in size. Header and `refused` stay the same in every version.
+//!
+//! The largest packet is a status of 16 joints, 32 signal values, 16 parameters and 2 tips: 979
+//! bytes.
 
-use armada_model::{JointVector, MAX_JOINTS};
-use armada_protocol::messages::OperationalMode;
+mod codec;
+mod order;
+mod status;
+
+use armada_protocol::messages::{OperationalMode, RobotFlags};
 
 use super::Fault;
-use crate::drivers::{LinkRefusal, SetPoint};
+use crate::drivers::{
+    DelegatedReport, DriverRequest, JointSet, LinkRefusal, MAX_PARAMETERS, MAX_REPORTED_TIPS,
+    MAX_SIGNAL_VALUES, ReportedTip, SetPoint, Values,
+};
+use armada_model::JointVector;
+use codec::{Reader, Writer, joint_count};
+use order::{read_request, write_request};
+pub(super) use status::mode_to_wire;
+use status::{read_status, write_status};
 
 /// First bytes of every packet.
 const MAGIC: [u8; 4] = *b"ASIM";
 /// Version of the layout above.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Largest size of a position, speed or effort \[SI\]; far above any robot, far below overflow.
 pub const MAX_VALUE: f64 = 1e6;
 
@@ -52,6 +89,7 @@ pub struct Header {
 
 /// What a packet says.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a driver has no heap, so nothing is boxed")]
 pub enum Body {
     /// A client wants the status stream.
     Hello {
@@ -78,7 +116,7 @@ pub enum Body {
 }
 
 /// The client's newest requests.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RequestBody {
     /// Number of the power request; 0 if none was made.
     pub power_id: u32,
@@ -86,6 +124,10 @@ pub struct RequestBody {
     pub power: Option<Power>,
     /// Number of the request to reset errors; 0 if none was made.
     pub reset_id: u32,
+    /// Number of the order; 0 if there is none.
+    pub order_id: u32,
+    /// The order, never of power or reset; `None` exactly if `order_id` is 0.
+    pub order: Option<DriverRequest>,
 }
 
 /// What to do with the drives.
@@ -108,22 +150,40 @@ pub struct Status {
     pub last_power_id: u32,
     /// Newest reset done; 0 if none.
     pub last_reset_id: u32,
+    /// Newest order done; 0 if none.
+    pub last_order_id: u32,
     /// Drives are on.
     pub enabled: bool,
     /// Commands are taken.
     pub ready: bool,
     /// The emergency stop is pressed.
     pub emergency_stop: bool,
+    /// A guard is open, or was and is not reset.
+    pub guard_stop: bool,
+    /// Which button or guard, of [`Feedback::CONDITIONS`](crate::drivers::Feedback::CONDITIONS).
+    pub conditions: RobotFlags,
     /// Where the key switch stands.
     pub operational_mode: OperationalMode,
     /// Error in force; 0 for none.
     pub error: u32,
+    /// Joints that know their reference.
+    pub homed: JointSet,
+    /// Joints that search it.
+    pub homing: JointSet,
     /// Measured positions \[rad or m\].
     pub position: JointVector,
     /// Measured speeds \[1/s\].
     pub velocity: JointVector,
     /// Measured efforts \[Nm or N\].
     pub effort: JointVector,
+    /// The newest of the controller's own moves.
+    pub delegated: Option<DelegatedReport>,
+    /// Values of all signals.
+    pub signals: Values<MAX_SIGNAL_VALUES>,
+    /// Values of all parameters.
+    pub parameters: Values<MAX_PARAMETERS>,
+    /// Poses that the controller reports, those there are before those there are not.
+    pub tips: [Option<ReportedTip>; MAX_REPORTED_TIPS],
 }
 
 /// Why bytes are not a packet.
@@ -170,9 +230,9 @@ pub enum WireError {
 /// [`MAX_PACKET`](crate::drivers::MAX_PACKET) bytes are always enough.
 #[must_use]
 pub fn encode(header: &Header, body: &Body, buffer: &mut [u8]) -> usize {
-    let mut writer = Writer { buffer, at: 0 };
+    let mut writer = Writer::new(buffer);
     let written = write_packet(header, body, &mut writer);
-    let (Some(()), Ok(len)) = (written, u16::try_from(writer.at)) else { return 0 };
+    let (Some(()), Ok(len)) = (written, u16::try_from(writer.len())) else { return 0 };
     match buffer.get_mut(6..8) {
         Some(length) => length.copy_from_slice(&len.to_le_bytes()),
         None => return 0,
@@ -187,7 +247,7 @@ pub fn encode(header: &Header, body: &Body, buffer: &mut [u8]) -> usize {
 /// [`WireError::Version`] and [`WireError::Kind`] if it is of another protocol, version or kind,
 /// [`WireError::Field`] if a value is not allowed.
 pub fn decode(bytes: &[u8]) -> Result<(Header, Body), WireError> {
-    let mut reader = Reader { rest: bytes, len: bytes.len() };
+    let mut reader = Reader::new(bytes);
     if reader.take()? != MAGIC {
         return Err(WireError::Magic);
     }
@@ -200,8 +260,8 @@ pub fn decode(bytes: &[u8]) -> Result<(Header, Body), WireError> {
         return Err(WireError::Length { len: bytes.len(), expected: length });
     }
     let body = read_body(kind, &mut reader)?;
-    if !reader.rest.is_empty() {
-        let expected = bytes.len() - reader.rest.len();
+    if reader.left() > 0 {
+        let expected = bytes.len() - reader.left();
         return Err(WireError::Length { len: bytes.len(), expected });
     }
     check_header(&header, &body)?;
@@ -209,7 +269,7 @@ pub fn decode(bytes: &[u8]) -> Result<(Header, Body), WireError> {
 }
 
 /// Writes a packet that injects `fault` into the emulator it is sent to, and gives its length; 0
-/// if `buffer` is shorter than 37 bytes.
+/// if `buffer` is too short: 128 bytes always are enough.
 ///
 /// The emulator answers the sender with a packet that [`decode_inject_answer`] reads. Injecting
 /// twice does no more than injecting once, so it may be repeated until the answer comes.
@@ -267,58 +327,23 @@ fn write_packet(header: &Header, body: &Body, out: &mut Writer<'_>) -> Option<()
     match body {
         Body::Hello { joints } => out.put(&[*joints]),
         Body::Command(set_point) => {
-            out.put(&[joint_count(&set_point.joint_position)])?;
+            out.u8(joint_count(&set_point.joint_position))?;
             out.joints(&set_point.joint_position)?;
             out.joints(&set_point.joint_velocity)
         }
-        Body::Request(request) => {
-            out.put(&request.power_id.to_le_bytes())?;
-            out.put(&[match request.power {
-                None => 0,
-                Some(Power::On) => 1,
-                Some(Power::Off) => 2,
-            }])?;
-            out.put(&request.reset_id.to_le_bytes())
-        }
+        Body::Request(request) => write_request(request, out),
         Body::Status(status) => write_status(status, out),
         Body::Refused(refusal) => out.put(&match *refusal {
             LinkRefusal::Busy => [1, 0, 0],
             LinkRefusal::JointCount { controller, client } => [2, controller, client],
             LinkRefusal::Version { controller } => [3, controller, 0],
         }),
-        Body::Inject(fault) => out.fault(*fault),
+        Body::Inject(fault) => out.fault(fault),
         Body::InjectAnswer { fault, accepted } => {
-            out.fault(*fault)?;
+            out.fault(fault)?;
             out.put(&[u8::from(*accepted)])
         }
     }
-}
-
-fn write_status(status: &Status, out: &mut Writer<'_>) -> Option<()> {
-    out.put(&status.time_ns.to_le_bytes())?;
-    out.put(&status.last_command.to_le_bytes())?;
-    out.put(&status.last_power_id.to_le_bytes())?;
-    out.put(&status.last_reset_id.to_le_bytes())?;
-    let flags = u8::from(status.enabled)
-        | u8::from(status.ready) << 1
-        | u8::from(status.emergency_stop) << 2;
-    let mode = match status.operational_mode {
-        OperationalMode::Undefined => 0,
-        OperationalMode::ManualReducedSpeed => 1,
-        OperationalMode::ManualFullSpeed => 2,
-        OperationalMode::Auto => 3,
-        OperationalMode::Cobot => 4,
-    };
-    out.put(&[flags, mode])?;
-    out.put(&status.error.to_le_bytes())?;
-    out.put(&[joint_count(&status.position)])?;
-    out.joints(&status.position)?;
-    out.joints(&status.velocity)?;
-    out.joints(&status.effort)
-}
-
-fn joint_count(vector: &JointVector) -> u8 {
-    vector.len() as u8 // at most MAX_JOINTS
 }
 
 fn read_body(kind: u8, reader: &mut Reader<'_>) -> Result<Body, WireError> {
@@ -346,136 +371,4 @@ fn read_body(kind: u8, reader: &mut Reader<'_>) -> Result<Body, WireError> {
         },
         other => return Err(WireError::Kind(other)),
     })
-}
-
-fn read_request(reader: &mut Reader<'_>) -> Result<RequestBody, WireError> {
-    let power_id = reader.u32()?;
-    let power = match (reader.u8()?, power_id) {
-        (0, 0) => None,
-        (1, 1..) => Some(Power::On),
-        (2, 1..) => Some(Power::Off),
-        _ => return Err(WireError::Field { field: "power" }),
-    };
-    Ok(RequestBody { power_id, power, reset_id: reader.u32()? })
-}
-
-fn read_status(reader: &mut Reader<'_>) -> Result<Status, WireError> {
-    let time_ns = reader.u64()?;
-    let last_command = reader.u64()?;
-    let last_power_id = reader.u32()?;
-    let last_reset_id = reader.u32()?;
-    let flags = reader.flags(0b111, "flags")?;
-    let operational_mode = match reader.u8()? {
-        0 => OperationalMode::Undefined,
-        1 => OperationalMode::ManualReducedSpeed,
-        2 => OperationalMode::ManualFullSpeed,
-        3 => OperationalMode::Auto,
-        4 => OperationalMode::Cobot,
-        _ => return Err(WireError::Field { field: "operational mode" }),
-    };
-    let error = reader.u32()?;
-    let joints = reader.joint_count()?;
-    Ok(Status {
-        time_ns,
-        last_command,
-        last_power_id,
-        last_reset_id,
-        enabled: flags & 1 != 0,
-        ready: flags & 2 != 0,
-        emergency_stop: flags & 4 != 0,
-        operational_mode,
-        error,
-        position: reader.joints(joints, "positions")?,
-        velocity: reader.joints(joints, "velocities")?,
-        effort: reader.joints(joints, "efforts")?,
-    })
-}
-
-/// Writes into a buffer as long as there is room.
-struct Writer<'a> {
-    buffer: &'a mut [u8],
-    at: usize,
-}
-
-impl Writer<'_> {
-    fn put(&mut self, bytes: &[u8]) -> Option<()> {
-        let end = self.at.checked_add(bytes.len())?;
-        self.buffer.get_mut(self.at..end)?.copy_from_slice(bytes);
-        self.at = end;
-        Some(())
-    }
-
-    fn joints(&mut self, values: &JointVector) -> Option<()> {
-        values.iter().try_for_each(|value| self.put(&value.to_le_bytes()))
-    }
-
-    fn fault(&mut self, fault: Fault) -> Option<()> {
-        let (tag, value) = fault.to_wire();
-        self.put(&[tag])?;
-        self.put(&value.to_le_bytes())
-    }
-}
-
-/// Reads from bytes as long as there are any.
-struct Reader<'a> {
-    rest: &'a [u8],
-    len: usize,
-}
-
-impl Reader<'_> {
-    fn take<const N: usize>(&mut self) -> Result<[u8; N], WireError> {
-        let (head, rest) =
-            self.rest.split_first_chunk().ok_or(WireError::Truncated { len: self.len })?;
-        self.rest = rest;
-        Ok(*head)
-    }
-
-    fn u8(&mut self) -> Result<u8, WireError> {
-        self.take().map(u8::from_le_bytes)
-    }
-
-    fn u16(&mut self) -> Result<u16, WireError> {
-        self.take().map(u16::from_le_bytes)
-    }
-
-    fn u32(&mut self) -> Result<u32, WireError> {
-        self.take().map(u32::from_le_bytes)
-    }
-
-    fn u64(&mut self) -> Result<u64, WireError> {
-        self.take().map(u64::from_le_bytes)
-    }
-
-    /// A byte of which only the bits of `allowed` may be set.
-    fn flags(&mut self, allowed: u8, field: &'static str) -> Result<u8, WireError> {
-        let flags = self.u8()?;
-        if flags & !allowed == 0 { Ok(flags) } else { Err(WireError::Field { field }) }
-    }
-
-    fn joint_count(&mut self) -> Result<u8, WireError> {
-        let count = self.u8()?;
-        if (1..=MAX_JOINTS).contains(&usize::from(count)) {
-            Ok(count)
-        } else {
-            Err(WireError::Field { field: "joints" })
-        }
-    }
-
-    fn joints(&mut self, count: u8, field: &'static str) -> Result<JointVector, WireError> {
-        let refused = WireError::Field { field };
-        let mut values = JointVector::zeros(usize::from(count)).map_err(|_| refused)?;
-        for value in values.iter_mut() {
-            *value = self.take().map(f64::from_le_bytes)?;
-            // A range does not contain what is not a number.
-            if !(-MAX_VALUE..=MAX_VALUE).contains(value) {
-                return Err(refused);
-            }
-        }
-        Ok(values)
-    }
-
-    fn fault(&mut self) -> Result<Fault, WireError> {
-        let (tag, value) = (self.u8()?, self.u32()?);
-        Fault::from_wire(tag, value).ok_or(WireError::Field { field: "fault" })
-    }
 }

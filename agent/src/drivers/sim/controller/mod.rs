@@ -4,32 +4,36 @@
 //! power   Off --power on--> Starting --enable time--> On --power off, error, emergency stop--> Off
 //! motion  Hold --command--> Stream --silence at rest--> Hold
 //!         (On)              Stream --silence in motion--> Stop (error) --standstill--> Hold
+//!         Hold, Stream at rest --home, moves of its own--> Own --their end--> Hold
+//!         any --guard stop--> Stop
 //! ```
 //!
-//! Off: the brakes decelerate each joint and hold it. Commands count while drives are on and no
-//! error is in force. An error switches the drives off, but for the watchdog's: there the drives
+//! Off: the brakes decelerate each joint and hold it. Commands count while drives are on, no error
+//! is in force and nothing of the controller's own is in progress; set-points that come meanwhile
+//! are dropped. An error switches the drives off, but for the watchdog's: there the drives
 //! decelerate at their limit and hold.
+
+mod own;
 
 use std::time::Duration;
 
-use armada_model::{JointVector, MonoTime};
+use armada_model::{JointLimits, JointVector, MonoTime, MotionLimits};
+use armada_protocol::messages::{OperationalMode, RobotFlags};
 
-use super::EmulatorConfig;
 use super::axis::{Axis, check_initial_names};
+use super::board::Board;
 use super::dynamics::Drive;
+use super::homing::Homing;
 use super::noise::Noise;
+use super::planner::Planner;
+use super::program::Program;
+use super::safety::{Safety, StopSource};
+use super::{EmulatorConfig, GuardStop, ReportsTip, error_code};
 use crate::config::millis;
-use crate::drivers::{DriverSetup, SetPoint, SetupError};
-
-/// Errors the emulated controller makes itself; injected ones may have any number.
-pub mod error_code {
-    /// Commands went silent in motion.
-    pub const WATCHDOG: u32 = 101;
-    /// A joint went, or was commanded, past its position limit.
-    pub const JOINT_LIMIT: u32 = 102;
-    /// A joint was too far from its reference.
-    pub const FOLLOWING_ERROR: u32 = 103;
-}
+use crate::drivers::{
+    DelegatedReport, DriverSetup, JointSet, LoadSetting,
+    MAX_REPORTED_TIPS, ReportedTip, SetPoint, SetupError, TipFrame,
+};
 
 /// Longest step of the integration; a controller cycle is cut into equal parts of at most this.
 const MAX_STEP: Duration = Duration::from_millis(1);
@@ -37,6 +41,8 @@ const MAX_STEP: Duration = Duration::from_millis(1);
 const MAX_EXTRAPOLATION: Duration = Duration::from_millis(20);
 /// Speed below which a joint counts as standing, as a share of its drive's highest.
 const STANDSTILL_SHARE: f64 = 1e-3;
+/// Distance from its reference at which a joint has settled at the end of a way \[rad or m\].
+const SETTLED: f64 = 1e-5;
 
 /// Drives and their switching.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +57,8 @@ enum Power {
 enum Motion {
     Hold,
     Stream { taken: MonoTime },
+    /// Homing, or moves of the controller's own.
+    Own,
     Stop,
 }
 
@@ -73,7 +81,15 @@ pub(super) struct Controller {
     /// What is followed in [`Motion::Hold`].
     hold: JointVector,
     error: u32,
-    emergency_stop: bool,
+    safety: Safety,
+    board: Board,
+    homing: Homing,
+    program: Program,
+    planner: Planner,
+    own_moves: bool,
+    loads: Vec<LoadSetting>,
+    guard_stop: GuardStop,
+    reports_tip: ReportsTip,
     noise: Noise,
     enable_time: Duration,
     watchdog: Duration,
@@ -88,6 +104,12 @@ impl Controller {
         let axes = axes.collect::<Result<Vec<_>, _>>()?;
         let mut hold = JointVector::zeros(count).map_err(|_| SetupError::JointCount { count })?;
         hold.iter_mut().zip(&axes).for_each(|(hold, axis)| *hold = axis.joint.position);
+        let limits: Vec<JointLimits> = setup.joints.iter().map(|joint| joint.limits).collect();
+        let limits = MotionLimits::new(&limits).map_err(|error| SetupError::Config {
+            vendor: "sim",
+            field: "joints".to_owned(),
+            problem: error.to_string(),
+        })?;
         Ok(Self {
             axes,
             power: Power::Off,
@@ -95,16 +117,28 @@ impl Controller {
             set_point: SetPoint { joint_position: hold, joint_velocity: hold },
             hold,
             error: 0,
-            emergency_stop: false,
+            safety: Safety::new(config),
+            board: Board::new(config),
+            homing: Homing::new(config, &setup.joints),
+            program: Program::new(limits),
+            planner: Planner::new(config, setup),
+            own_moves: config.own_moves,
+            loads: vec![LoadSetting::default(); setup.chains.len()],
+            guard_stop: config.guard_stop,
+            reports_tip: config.reports_tip,
             noise: Noise::new(config.noise_seed),
             enable_time: millis(config.enable_time_ms),
             watchdog: millis(config.watchdog_ms),
         })
     }
 
-    /// Begins to switch the drives on, unless an error or the emergency stop forbids it.
+    /// Begins to switch the drives on, unless an error, a stop or the enabling switch forbids it.
     pub(super) fn power_on(&mut self, now: MonoTime) {
-        if self.power == Power::Off && self.error == 0 && !self.emergency_stop {
+        let forbidden = self.error != 0
+            || self.safety.emergency_stop()
+            || self.safety.guard_stop()
+            || !self.safety.is_enabled_by_hand();
+        if self.power == Power::Off && !forbidden {
             self.power = Power::Starting { done: now + self.enable_time };
         }
     }
@@ -113,11 +147,16 @@ impl Controller {
     pub(super) fn power_off(&mut self) {
         self.power = Power::Off;
         self.motion = Motion::Hold;
+        self.end_own_motion(error_code::INTERRUPTED);
     }
 
-    /// Clears the error; an emergency stop stays.
+    /// Clears the error unless it is fatal, and a guard stop whose guards are closed; an emergency
+    /// stop stays.
     pub(super) fn reset_errors(&mut self) {
-        self.error = 0;
+        if !self.safety.fatal() {
+            self.error = 0;
+        }
+        self.safety.reset();
     }
 
     /// Switches the drives off with an error; the first error stays until it is reset.
@@ -125,15 +164,68 @@ impl Controller {
         if self.error == 0 {
             self.error = error;
         }
+        self.end_own_motion(error);
         self.power_off();
     }
 
-    /// Presses or releases the emergency stop; after release the drives stay off.
-    pub(super) fn set_emergency_stop(&mut self, pressed: bool) {
-        self.emergency_stop = pressed;
-        if pressed {
-            self.power_off();
+    /// Switches the drives off with an error that no reset clears.
+    pub(super) fn fail_fatally(&mut self, error: u32) {
+        self.safety.set_fatal(true);
+        self.fail(error);
+    }
+
+    /// The cause of a fatal error is gone.
+    pub(super) const fn repair(&mut self) {
+        self.safety.set_fatal(false);
+    }
+
+    /// An emergency stop acts.
+    pub(super) fn press(&mut self, source: StopSource) {
+        self.safety.press(source);
+        self.power_off();
+    }
+
+    /// Releases all emergency stops; the drives stay off.
+    pub(super) fn release_emergency_stop(&mut self) {
+        self.safety.release_all();
+    }
+
+    /// Opens or closes a guard, 1 to 4.
+    pub(super) fn set_guard(&mut self, guard: u8, open: bool) {
+        self.safety.set_guard(guard, open);
+        match self.guard_stop {
+            GuardStop::DrivesOff if open => self.power_off(),
+            GuardStop::ControlledStop if open => self.stop_controlled(error_code::INTERRUPTED),
+            GuardStop::DrivesOff | GuardStop::ControlledStop => {}
         }
+    }
+
+    /// Turns the key switch; what the controller does on its own ends.
+    pub(super) fn turn_key(&mut self, mode: OperationalMode) {
+        if mode != self.safety.mode() {
+            self.safety.turn_key(mode);
+            self.stop_own_motion();
+        }
+    }
+
+    /// Holds the enabling switch, or lets it go.
+    pub(super) const fn hold_enabling_switch(&mut self, held: bool) {
+        self.safety.hold_enabling_switch(held);
+    }
+
+    /// Makes searches of references fail, or no longer.
+    pub(super) const fn break_homing(&mut self, broken: bool) {
+        self.homing.set_broken(broken);
+    }
+
+    /// Sets one value of an input from outside; says whether there is one that takes it.
+    pub(super) fn set_input(&mut self, name: &str, element: u8, value: f64) -> bool {
+        self.board.set_input(name, element, value)
+    }
+
+    /// Another client: it knows nothing of moves that were made for the one before.
+    pub(super) const fn forget_report(&mut self) {
+        self.program.forget_report();
     }
 
     /// Blocks one joint and no other, or none; says whether there is such a joint.
@@ -149,9 +241,14 @@ impl Controller {
 
     /// Takes a set-point of as many joints as there are; one is ignored unless [`Self::ready`].
     pub(super) fn command(&mut self, now: MonoTime, set_point: SetPoint) {
-        if !self.ready() || set_point.joint_position.len() != self.axes.len() {
+        let own = self.motion == Motion::Own;
+        if own || !self.ready() || set_point.joint_position.len() != self.axes.len() {
             return;
         }
+        let homing = &self.homing;
+        let joint_position =
+            set_point.joint_position.map_indexed(|joint, value| value - homing.offset(joint));
+        let set_point = SetPoint { joint_position, ..set_point };
         let outward = self.axes.iter().zip(set_point.joint_position.iter());
         if outward
             .into_iter()
@@ -170,8 +267,13 @@ impl Controller {
             && now >= done
         {
             self.power = Power::On;
+            self.safety.drives_went_on();
             self.hold_here();
         }
+        if self.power != Power::Off && !self.safety.is_enabled_by_hand() {
+            self.power_off();
+        }
+        self.begin_moves();
         let steps = cycle.as_nanos().div_ceil(MAX_STEP.as_nanos()).clamp(1, 1000) as u32;
         let step = cycle / steps;
         let begin = now - cycle;
@@ -187,7 +289,7 @@ impl Controller {
 
     /// Commands are taken.
     pub(super) fn ready(&self) -> bool {
-        self.enabled() && self.error == 0
+        self.enabled() && self.error == 0 && !self.safety.guard_stop()
     }
 
     /// The error in force; 0 for none.
@@ -195,9 +297,56 @@ impl Controller {
         self.error
     }
 
-    /// Whether the emergency stop is pressed.
-    pub(super) const fn emergency_stop(&self) -> bool {
-        self.emergency_stop
+    /// Whether an emergency stop acts.
+    pub(super) fn emergency_stop(&self) -> bool {
+        self.safety.emergency_stop()
+    }
+
+    /// Whether a guard is open, or was and is not reset.
+    pub(super) const fn guard_stop(&self) -> bool {
+        self.safety.guard_stop()
+    }
+
+    /// Buttons, guards and switches.
+    pub(super) fn conditions(&self) -> RobotFlags {
+        self.safety.conditions()
+    }
+
+    /// Where the key switch stands.
+    pub(super) const fn operational_mode(&self) -> OperationalMode {
+        self.safety.mode()
+    }
+
+    /// Joints that know their reference, and those that search it.
+    pub(super) fn homed_and_homing(&self) -> [JointSet; 2] {
+        [self.homing.homed(), self.homing.homing()]
+    }
+
+    /// Inputs, outputs and settings.
+    pub(super) const fn board(&self) -> &Board {
+        &self.board
+    }
+
+    /// What has become of the newest move of its own.
+    pub(super) fn report(&self) -> Option<DelegatedReport> {
+        self.program.report()
+    }
+
+    /// The poses it reports, for these measured positions.
+    pub(super) fn tips(&self, position: &JointVector) -> [Option<ReportedTip>; MAX_REPORTED_TIPS] {
+        let frame = match self.reports_tip {
+            ReportsTip::None => return [None; MAX_REPORTED_TIPS],
+            ReportsTip::Flange => TipFrame::Flange,
+            ReportsTip::Tcp => TipFrame::Tcp,
+        };
+        let mut tips = [None; MAX_REPORTED_TIPS];
+        let found = (0..=u8::MAX).take(self.loads.len()).filter_map(|chain| {
+            let (flange, tool) = self.planner.flange_and_tool(chain, position)?;
+            let pose = if frame == TipFrame::Tcp { flange * tool } else { flange };
+            Some(ReportedTip { chain, frame, pose })
+        });
+        tips.iter_mut().zip(found).for_each(|(slot, tip)| *slot = Some(tip));
+        tips
     }
 
     /// Number of joints.
@@ -208,21 +357,26 @@ impl Controller {
     /// Measures all joints, with noise.
     pub(super) fn measure(&mut self) -> Measurement {
         let powered = self.power == Power::On;
-        let Self { axes, noise, hold, .. } = self;
+        let Self { axes, noise, hold, homing, .. } = self;
         let mut measure = |value: fn(&Axis, &mut Noise) -> f64| {
             let mut values = *hold; // for its length only
             values.iter_mut().zip(&*axes).for_each(|(out, axis)| *out = value(axis, noise));
             values
         };
-        Measurement {
-            position: measure(|axis, noise| axis.joint.position + noise.next(axis.position_noise)),
-            velocity: measure(|axis, noise| axis.joint.velocity + noise.next(axis.velocity_noise)),
-            effort: measure(if powered {
-                |axis, _| axis.joint.effort(&axis.drive)
-            } else {
-                |_, _| 0.0
-            }),
+        let position = measure(|axis, noise| axis.joint.position + noise.next(axis.position_noise))
+            .map_indexed(|joint, value| value + homing.offset(joint));
+        let velocity =
+            measure(|axis, noise| axis.joint.velocity + noise.next(axis.velocity_noise));
+        let mut effort = measure(if powered {
+            |axis, _| axis.joint.effort(&axis.drive)
+        } else {
+            |_, _| 0.0
+        });
+        let loads = (0..=u8::MAX).zip(&self.loads).filter(|(_, load)| powered && load.mass > 0.0);
+        for (chain, load) in loads {
+            self.planner.add_weight(chain, load.mass, &position, &mut effort);
         }
+        Measurement { position, velocity, effort }
     }
 
     fn step(&mut self, now: MonoTime, dt: f64) {
@@ -235,6 +389,7 @@ impl Controller {
             (Power::On, Motion::Stream { taken }) => {
                 self.follow(self.reference(now.saturating_since(taken)), dt);
             }
+            (Power::On, Motion::Own) => self.follow_own(dt),
             (Power::On, Motion::Stop) => {
                 self.decelerate(|drive| drive.acceleration, dt);
                 if self.axes.iter().all(|axis| axis.joint.velocity == 0.0) {
@@ -248,18 +403,35 @@ impl Controller {
         }
     }
 
+    /// Where the robot is at rest; `None` while it moves.
+    fn rest_position(&self) -> Option<JointVector> {
+        match self.motion {
+            Motion::Hold => Some(self.hold),
+            Motion::Stream { .. } if !self.stream_moves() => Some(self.set_point.joint_position),
+            Motion::Stream { .. } | Motion::Own | Motion::Stop => None,
+        }
+    }
+
+    fn is_moving(&self) -> bool {
+        self.enabled() && self.rest_position().is_none()
+    }
+
+    /// Whether a joint moves, or is commanded to.
+    fn stream_moves(&self) -> bool {
+        let commanded = self.set_point.joint_velocity.iter();
+        self.axes.iter().zip(commanded).any(|(axis, commanded)| {
+            let standstill = STANDSTILL_SHARE * axis.drive.velocity;
+            axis.joint.velocity.abs() > standstill || commanded.abs() > standstill
+        })
+    }
+
     /// Ends a stream that has gone silent: at rest it just ends, in motion it is an error.
     fn supervise_stream(&mut self, now: MonoTime) {
         let Motion::Stream { taken } = self.motion else { return };
         if now.saturating_since(taken) <= self.watchdog {
             return;
         }
-        let commanded = self.set_point.joint_velocity.iter();
-        let moves = self.axes.iter().zip(commanded).any(|(axis, commanded)| {
-            let standstill = STANDSTILL_SHARE * axis.drive.velocity;
-            axis.joint.velocity.abs() > standstill || commanded.abs() > standstill
-        });
-        if moves {
+        if self.stream_moves() {
             self.error = error_code::WATCHDOG;
             self.motion = Motion::Stop;
         } else {

@@ -1,0 +1,209 @@
+//! Moves that the controller plans and makes itself.
+//!
+//! ```text
+//! asked --report: taken--> running --report: done, standstill measured--> complete
+//!   |                         |  ^
+//!   |                   pause v  | resume
+//!   |                       paused
+//!   +-- not taken in time, given up --> failed
+//!   +-- cancel --> StopMotion --report: stopped, standstill measured--> cancelled
+//!   +-- epoch raised --> cancelled or failed at once; StopMotion until the report says so
+//! ```
+//!
+//! No set-points are sent meanwhile, as while the controller homes: their stream begins anew at
+//! the measured position when the controller has shown that it is done. So tracking is not
+//! supervised, but faults, standstill and stops are what they always are. Whatever is asked is
+//! repeated until the report shows it, since packets may be lost; a move has a number, so the
+//! controller takes it once.
+
+use armada_model::{JointVector, MonoTime};
+use armada_protocol::messages::{CommandMode, MotionKind, Queue};
+
+use super::{End, Motion, Source};
+use crate::control::io::{DelegateOrder, Refusal};
+use crate::control::state::{LoopState, Tick};
+use crate::drivers::{
+    DelegatedGoal, DelegatedMove, DelegatedReport, DelegatedStatus, DriverRequest, Feedback,
+};
+
+/// A move of the controller's own.
+#[derive(Clone, Debug)]
+pub(in crate::control) struct DelegatedMotion {
+    kind: MotionKind,
+    order: DelegatedMove,
+    began: MonoTime,
+    /// Whether it is to be at rest on its path.
+    pub(super) wants_pause: bool,
+    newest: Option<DelegatedReport>,
+}
+
+impl DelegatedMotion {
+    pub(super) const fn kind(&self) -> MotionKind {
+        self.kind
+    }
+
+    /// Share of the way that is done, as far as the controller says.
+    pub(super) fn progress(&self) -> f64 {
+        self.newest.map_or(0.0, |report| report.progress.clamp(0.0, 1.0))
+    }
+
+    pub(super) fn is_paused(&self) -> bool {
+        self.status() == Some(DelegatedStatus::Paused)
+    }
+
+    /// Whether the controller may move the robot in it now.
+    pub(super) fn is_moving(&self) -> bool {
+        matches!(
+            self.status(),
+            None | Some(
+                DelegatedStatus::Waiting | DelegatedStatus::Running | DelegatedStatus::Paused
+            )
+        )
+    }
+
+    /// What the controller is still to be asked for.
+    pub(super) fn wants(&self) -> Option<DriverRequest> {
+        match (self.status(), self.wants_pause) {
+            (None, _) => Some(DriverRequest::Move(self.order)),
+            (Some(DelegatedStatus::Running), true) => Some(DriverRequest::PauseMotion),
+            (Some(DelegatedStatus::Paused), false) => Some(DriverRequest::ResumeMotion),
+            _ => None,
+        }
+    }
+
+    fn status(&self) -> Option<DelegatedStatus> {
+        self.newest.map(|report| report.status)
+    }
+}
+
+impl LoopState {
+    /// Hands a move to the controller, if it can make it and the robot stands.
+    pub(in crate::control) fn delegate(
+        &mut self,
+        tick: &mut Tick<'_>,
+        order: &DelegateOrder,
+    ) -> Result<(), Refusal> {
+        self.check_motion_mode(CommandMode::Trajectory)?;
+        if let Some(motion) = &self.motion {
+            return Err(match order.queue {
+                Queue::Refuse => Refusal::Busy(motion.id),
+                Queue::Append | Queue::AppendBlended | Queue::Replace => {
+                    Refusal::NotSupported("moves of the controller's own that follow others")
+                }
+            });
+        }
+        self.check_delegated(tick, order)?;
+        self.rest()?;
+        self.own_motion.number += 1;
+        self.own_motion.is_move = true;
+        // A controller that cannot be slowed down on the way is slow from the start.
+        let share = if tick.params.abilities.pause { 1.0 } else { self.speed_ratio };
+        let order_speed = order.order.speed * share;
+        let delegated = DelegatedMotion {
+            kind: order.kind,
+            order: DelegatedMove {
+                number: self.own_motion.number,
+                speed: order_speed,
+                ..order.order
+            },
+            began: tick.now,
+            wants_pause: false,
+            newest: None,
+        };
+        self.motion = Some(Motion::new(order.id, Source::Delegated(delegated)));
+        self.break_off(tick);
+        Ok(())
+    }
+
+    /// Follows a move of the controller's own by its reports.
+    pub(in crate::control) fn follow_delegated(&mut self, tick: &mut Tick<'_>) {
+        let (stopping, standing) = (self.is_stopping_own(), self.has_settled(tick));
+        let Some(feedback) = self.condition.feedback().copied() else { return };
+        let Some(motion) = self.motion.as_mut() else { return };
+        let cancelling = motion.cancelling;
+        let Source::Delegated(delegated) = &mut motion.source else { return };
+        delegated.newest = report_of(&feedback, delegated.order.number).or(delegated.newest);
+        if cancelling {
+            if !stopping && standing {
+                self.hold = feedback.joint_position;
+                self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
+            }
+            return;
+        }
+        let late = tick.now.saturating_since(delegated.began) > tick.params.request_timeout;
+        match delegated.status() {
+            None if late => self.end_motion(tick, End::Failed(Refusal::ControllerTimeout)),
+            None | Some(DelegatedStatus::Waiting) => {}
+            Some(DelegatedStatus::Running | DelegatedStatus::Paused) => {
+                motion.announce_running(tick);
+            }
+            Some(DelegatedStatus::Done) => {
+                motion.announce_running(tick);
+                if standing {
+                    self.hold = feedback.joint_position;
+                    self.end_motion(tick, End::Complete);
+                }
+            }
+            // Somebody at the controller stopped it: it has no error of its own for that.
+            Some(DelegatedStatus::Stopped) => {
+                self.end_motion(tick, End::Failed(Refusal::ControllerRefused { code: 0 }));
+            }
+            Some(DelegatedStatus::Failed { code }) => {
+                self.end_motion(tick, End::Failed(Refusal::ControllerRefused { code }));
+            }
+        }
+    }
+
+    fn check_delegated(&self, tick: &Tick<'_>, order: &DelegateOrder) -> Result<(), Refusal> {
+        let abilities = &tick.params.abilities;
+        let (can, what, chain) = match order.order.goal {
+            DelegatedGoal::Joint(goal) => {
+                self.check_goal(&goal)?;
+                (abilities.move_joint, "a controller that makes moves of the joints", None)
+            }
+            DelegatedGoal::Pose { chain, .. } => {
+                (abilities.move_pose, "a controller that makes moves to poses", Some(chain))
+            }
+            DelegatedGoal::Linear { chain, .. } => {
+                (abilities.move_linear, "a controller that makes straight moves", Some(chain))
+            }
+        };
+        if !can {
+            return Err(Refusal::NotSupported(what));
+        }
+        let known = |chain: u8| usize::from(chain) < self.equipment.chains.len();
+        if let Some(chain) = chain.filter(|&chain| !known(chain)) {
+            return Err(Refusal::NoSuchChain { chain });
+        }
+        self.condition.check_follows()?;
+        self.check_homed()
+    }
+
+    fn check_goal(&self, goal: &JointVector) -> Result<(), Refusal> {
+        let (given, expected) = (goal.len(), self.limits.len());
+        if given != expected {
+            return Err(Refusal::WrongLength { given, expected });
+        }
+        for (joint, (&value, axis)) in goal.iter().zip(self.limits.iter()).enumerate() {
+            if !axis.contains(value) {
+                return Err(Refusal::OutOfRange { joint, value, limit: axis.nearer_limit(value) });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What the controller says of this move, if it speaks of it.
+fn report_of(feedback: &Feedback, number: u32) -> Option<DelegatedReport> {
+    feedback.delegated.filter(|report| report.number == number)
+}
+
+/// Whether the controller makes no move of its own now.
+pub(super) fn is_over(feedback: &Feedback) -> bool {
+    feedback.delegated.is_none_or(|report| {
+        matches!(
+            report.status,
+            DelegatedStatus::Done | DelegatedStatus::Stopped | DelegatedStatus::Failed { .. }
+        )
+    })
+}

@@ -1,0 +1,138 @@
+//! Motions of several robots: prepared here, committed to start at one instant.
+
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
+
+use armada_model::{CompiledTrajectory, MonoTime};
+use armada_protocol::messages::{
+    Accepted, CancelParams, CommandMode, CommitParams, Denial, DenialCode, Empty, LeaseLoss,
+    MotionKind, PrepareParams, Prepared, Queue,
+};
+use uuid::Uuid;
+
+use super::{Asker, Requests, check_new};
+use crate::control::{FollowOrder, Refusal};
+use crate::runtime::clock::monotonic;
+
+/// How long a prepared motion is kept for its commit.
+const PREPARED_TTL: Duration = Duration::from_secs(5);
+/// Prepared motions that are kept at once.
+const MAX_PREPARED: usize = 8;
+
+/// A valid trajectory that waits for its commit.
+pub(in crate::runtime) struct PreparedMotion {
+    trajectory: Arc<CompiledTrajectory>,
+    epoch: u64,
+    expires: MonoTime,
+}
+
+impl Requests {
+    #[expect(clippy::unused_async, reason = "one form for all methods")]
+    pub(super) async fn prepare(
+        &self,
+        asker: Asker,
+        params: PrepareParams,
+    ) -> Result<Prepared, Denial> {
+        let trajectory = self.compile(&params.trajectory)?;
+        let epoch = self.check_ready_to_follow(&asker, &trajectory)?;
+        let now = monotonic();
+        let motion_id = params.motion_id.unwrap_or_else(Uuid::now_v7);
+        let duration_s = trajectory.duration_s();
+        let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        prepared.retain(|_, motion| motion.expires > now);
+        if prepared.len() >= MAX_PREPARED {
+            return Err(Denial::new(
+                DenialCode::Busy,
+                format!("{MAX_PREPARED} motions are prepared already: commit or abort one"),
+            ));
+        }
+        check_new(&self.board.lock(), motion_id)?;
+        prepared
+            .insert(motion_id, PreparedMotion { trajectory, epoch, expires: now + PREPARED_TTL });
+        let ttl_ms = u64::try_from(PREPARED_TTL.as_millis()).unwrap_or(u64::MAX);
+        Ok(Prepared { motion_id, duration_s, epoch, ttl_ms })
+    }
+
+    pub(super) async fn commit(
+        &self,
+        asker: Asker,
+        params: CommitParams,
+    ) -> Result<Accepted, Denial> {
+        if params.boot_id != self.boot_id {
+            return Err(Denial::new(
+                DenialCode::InvalidArgument,
+                "start_ns is of another run of this agent: measure its clock again",
+            )
+            .with("boot_id", self.boot_id.to_string()));
+        }
+        let prepared = self.take_prepared(params.motion_id).ok_or_else(|| {
+            Denial::new(
+                DenialCode::NotAttached,
+                format!("motion {} is not prepared, or its time is over", params.motion_id),
+            )
+        })?;
+        let order = FollowOrder {
+            id: params.motion_id,
+            trajectory: prepared.trajectory,
+            start: Some(params.start_ns),
+            epoch: Some(prepared.epoch),
+            kind: MotionKind::Trajectory,
+            queue: Queue::Refuse,
+            on_lease_loss: LeaseLoss::StopOnPath,
+        };
+        self.follow(&asker, order).await
+    }
+
+    pub(super) async fn abort(&self, asker: Asker, params: CancelParams) -> Result<Empty, Denial> {
+        if self.take_prepared(params.motion_id).is_some() {
+            return Ok(Empty {});
+        }
+        self.cancel(asker, params).await
+    }
+
+    fn take_prepared(&self, id: Uuid) -> Option<PreparedMotion> {
+        let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        prepared.remove(&id).filter(|motion| motion.expires > monotonic())
+    }
+
+    /// Looks at once whether a trajectory could start now; returns the epoch it could start in.
+    /// The loop looks again when it starts.
+    fn check_ready_to_follow(
+        &self,
+        asker: &Asker,
+        trajectory: &CompiledTrajectory,
+    ) -> Result<u64, Denial> {
+        let board = self.board.lock();
+        let snapshot = &board.snapshot;
+        let refuse = |refusal| Err(board.denial(&refusal));
+        if let Some(level) = self.gate.level() {
+            return refuse(Refusal::Stopped(level));
+        }
+        if let Some(held) = snapshot.lease.filter(|held| !held.stale)
+            && asker.lease != Some(held.lease)
+        {
+            let left = held.deadline.saturating_since(monotonic());
+            return refuse(Refusal::LeaseRequired { remaining_s: left.as_secs_f64() });
+        }
+        if let Some(fault) = board.faults.first() {
+            return refuse(Refusal::Faulted(fault.code));
+        }
+        let (mode, needed) = (snapshot.command_mode, CommandMode::Trajectory);
+        if mode != needed {
+            return refuse(Refusal::WrongMode { mode, needed });
+        }
+        if let Some(motion) = snapshot.motion {
+            return refuse(Refusal::Busy(motion.id));
+        }
+        let (start, measured) = (trajectory.start(), snapshot.joint_position);
+        let distances = start.iter().zip(measured.iter()).map(|(a, b)| (a - b).abs());
+        for (joint, (value, &limit)) in
+            distances.zip(self.params.start_tolerance.iter()).enumerate()
+        {
+            if value > limit {
+                return refuse(Refusal::StartTolerance { joint, value, limit });
+            }
+        }
+        Ok(snapshot.epoch)
+    }
+}
