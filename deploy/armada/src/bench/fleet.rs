@@ -5,6 +5,7 @@ use std::time::Duration;
 use armada_agent::runtime::monotonic;
 use armada_protocol::RobotName;
 use armada_protocol::client::Client;
+use armada_protocol::keys;
 use armada_protocol::messages::{RobotFlags, RobotState};
 use tokio::time::{sleep, timeout};
 
@@ -115,12 +116,13 @@ async fn measure_loops(
 }
 
 async fn wait_until_enabled(client: &Client, arms: u32) -> anyhow::Result<()> {
-    let states = client.subscribe::<RobotState>("robots/*/state", arms as usize * 4).await?;
+    let states =
+        client.subscribe::<RobotState>(&keys::ROBOT_STATE.any(), arms as usize * 4).await?;
     let mut enabled = std::collections::BTreeSet::<RobotName>::new();
     while enabled.len() < arms as usize {
         let (key, state) = states.next().await?;
         if state.flags.contains(RobotFlags::ENABLED) {
-            enabled.extend(armada_protocol::keys::robot_of(&key));
+            enabled.extend(keys::robot_of(&key));
         }
     }
     Ok(())

@@ -1,9 +1,11 @@
 //! `armada bench`: how well this machine keeps time, and what Armada adds to what it is built on.
 //!
 //! ```text
-//! measurements  loop_period latency stop accept cpu scale step motion    one file or folder each
+//! measurements  loop_period latency stop accept cpu scale step motion original
+//!    |                                                  one file or folder each
 //!    | use       arm (emulator + agent + client)   fleet (many arms)   raw (the reference)
 //!    | start     child --asks over stdin--> part (this program, another process)
+//!    |           python --asks over stdin--> a script of ours with the library of others
 //!    v
 //! report  <- figures, machine
 //! ```
@@ -23,7 +25,9 @@ mod latency;
 mod loop_period;
 mod machine;
 mod motion;
+mod original;
 mod part;
+mod python;
 mod raw;
 mod report;
 mod robot_file;
@@ -51,6 +55,8 @@ use report::Report;
   armada bench loop --load             the same with every core kept busy
   armada bench latency --json          state, from the agent to a subscriber
   armada bench stop --rounds 20        cell/stop to standstill of two moving arms
+  armada bench scale                   arms in one agent, until half of the periods are missed
+  armada bench original                everything beside the original abstract robot
   armada bench motion                  kinematics, against pinocchio where it is installed
 
 Each measurement runs Armada and a reference by turns, in pairs, and reports the median over the
@@ -79,6 +85,8 @@ enum What {
     Scale(scale::ScaleArgs),
     /// Kinematics and motion, against the libraries that others use
     Motion(motion::MotionArgs),
+    /// The original abstract robot of Robot Raconteur, beside ours
+    Original(original::OriginalArgs),
     /// One process of a measurement
     #[command(hide = true)]
     Part {
@@ -150,6 +158,7 @@ pub(crate) async fn run(args: BenchArgs) -> anyhow::Result<Exit> {
         What::Step(args) => (args.json, Some(step::measure(&args)?)),
         What::Accept(args) => (args.common.json, or_signal(accept::measure(args)).await?),
         What::Motion(args) => (args.json, or_signal(motion::measure(args)).await?),
+        What::Original(args) => (args.common.json, or_signal(original::measure(args)).await?),
         What::Scale(args) => (args.common.json, or_signal(scale::measure(args)).await?),
         What::Cpu(args) => (args.common.json, or_signal(cpu::measure(args)).await?),
     };

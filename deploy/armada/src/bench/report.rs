@@ -79,11 +79,11 @@ struct Cell {
 
 impl Section {
     /// Figures with the unit in the title or in the names of the columns.
-    pub(super) fn new<'a>(
+    pub(super) fn new(
         title: impl Into<String>,
-        columns: impl IntoIterator<Item = &'a str>,
+        columns: impl IntoIterator<Item: Into<String>>,
     ) -> Self {
-        let columns = columns.into_iter().map(str::to_owned).collect();
+        let columns = columns.into_iter().map(Into::into).collect();
         Self { title: title.into(), columns, rows: Vec::new() }
     }
 
