@@ -127,9 +127,10 @@ pub(crate) fn speed(twist: Option<&Twist>) -> String {
 
 /// What a stream of commands does: `stream: 500 taken, 2 dropped, newest 4 ms old`.
 pub(crate) fn stream(stream: &StreamStatistics) -> String {
-    let StreamStatistics { taken, dropped, age_ms, starved } = *stream;
+    let StreamStatistics { taken, dropped, limited, age_ms, starved } = *stream;
+    let limited = if limited > 0 { format!(", {limited} limited") } else { String::new() };
     let starved = if starved { ", STARVED: the robot comes to rest" } else { "" };
-    format!("stream: {taken} taken, {dropped} dropped, newest {age_ms:.0} ms old{starved}")
+    format!("stream: {taken} taken, {dropped} dropped{limited}, newest {age_ms:.0} ms old{starved}")
 }
 
 /// What a motion in progress does besides going on as planned; nothing if that is all.
@@ -270,7 +271,8 @@ mod tests {
 
     #[test]
     fn a_starved_stream_is_told_as_such() {
-        let stream_of = |starved| StreamStatistics { taken: 9, dropped: 1, age_ms: 4.4, starved };
+        let stream_of =
+            |starved| StreamStatistics { taken: 9, dropped: 1, limited: 0, age_ms: 4.4, starved };
         assert_eq!(stream(&stream_of(false)), "stream: 9 taken, 1 dropped, newest 4 ms old");
         assert!(stream(&stream_of(true)).ends_with("STARVED: the robot comes to rest"));
     }

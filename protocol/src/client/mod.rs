@@ -73,8 +73,6 @@ pub struct Client {
     lease: Option<Uuid>,
     /// How many endpoints were dialled.
     endpoints: usize,
-    /// The lease that requests are made under.
-    lease: Option<Uuid>,
 }
 
 impl Client {

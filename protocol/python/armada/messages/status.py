@@ -40,6 +40,8 @@ class StreamStatistics(Message, frozen=True, kw_only=True):
     """Samples taken in this epoch."""
     dropped: int
     """Samples dropped in this epoch."""
+    limited: int = 0
+    """Samples taken in this epoch of which the limits allow only a part."""
     age_ms: float
     """Time since the newest one [ms]."""
     starved: bool
