@@ -15,4 +15,5 @@ pub mod control;
 pub mod drivers;
 pub mod equipment;
 pub mod moves;
+pub mod recorder;
 pub mod runtime;

@@ -1,5 +1,6 @@
 //! The tables of a robot file about the control loop, publishing and Zenoh.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use armada_protocol::codec::WireEncoding;
@@ -93,6 +94,20 @@ pub struct PublishConfig {
     pub encoding: WireEncoding,
 }
 
+/// The recorder of the control loop.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RecorderConfig {
+    /// How much of the loop is kept to be written down when a fault is latched \[s\], 0 to 60;
+    /// default 10, 0 for none. One second takes some 2 kB for each tick.
+    pub seconds: f64,
+    /// Folder of the recordings; by default `armada-recordings` in the system's folder for
+    /// temporary files.
+    pub directory: Option<PathBuf>,
+    /// How many recordings of the robot are kept, 1 to 1000; default 20.
+    pub keep: usize,
+}
+
 /// Zenoh endpoints, such as `tcp/127.0.0.1:7450`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -142,6 +157,19 @@ impl Default for ControlConfig {
 impl Default for RealtimeConfig {
     fn default() -> Self {
         Self { priority: Some(80), cpu: None, lock_memory: true }
+    }
+}
+
+impl Default for RecorderConfig {
+    fn default() -> Self {
+        Self { seconds: 10.0, directory: None, keep: 20 }
+    }
+}
+
+impl RecorderConfig {
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        check_range("seconds", self.seconds, 0.0..=60.0)?;
+        check_range("keep", self.keep as f64, 1.0..=1000.0)
     }
 }
 

@@ -28,7 +28,9 @@ use serde::Deserialize;
 use uuid::Uuid;
 
 pub use chains::ChainConfig;
-pub use control::{ControlConfig, Delegate, PublishConfig, RealtimeConfig, ZenohConfig};
+pub use control::{
+    ControlConfig, Delegate, PublishConfig, RealtimeConfig, RecorderConfig, ZenohConfig,
+};
 pub use error::ConfigError;
 pub use joints::{JointConfig, JointOverrides};
 pub use problem::Problem;
@@ -74,6 +76,9 @@ pub struct RobotConfig {
     /// What is published and how.
     #[serde(default)]
     pub publish: PublishConfig,
+    /// The recorder of the control loop.
+    #[serde(default)]
+    pub recorder: RecorderConfig,
     /// Zenoh endpoints of this agent; the cell file normally gives them.
     #[serde(default)]
     pub zenoh: ZenohConfig,
@@ -146,6 +151,7 @@ impl RobotConfig {
         self.control.check().map_err(|problem| problem.under("control"))?;
         let loop_rate_hz = 1000.0 / self.control.period_ms;
         self.publish.check(loop_rate_hz).map_err(|problem| problem.under("publish"))?;
+        self.recorder.check().map_err(|problem| problem.under("recorder"))?;
         self.zenoh.check().map_err(|problem| problem.under("zenoh"))?;
         self.driver.check().map_err(|problem| problem.under("driver"))
     }

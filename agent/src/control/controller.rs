@@ -11,6 +11,7 @@
 //! feedback shows that it was done, or its time is up. An answer tells what was measured. At most
 //! one request leaves in a tick, drives-off before all others.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use armada_model::MonoTime;
@@ -28,7 +29,7 @@ const MAX_PENDING: usize = 4;
 pub(super) const REPEAT: Duration = Duration::from_millis(50);
 
 /// Requests under way to the controller.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone, Serialize, Deserialize)]
 pub(super) struct Controller {
     pending: ArrayVec<Pending, MAX_PENDING>,
     /// Until when drives are to be switched on at start-up.
@@ -40,7 +41,7 @@ pub(super) struct Controller {
 }
 
 /// A request whose answer waits for the controller.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Pending {
     ticket: u64,
     request: DriverRequest,

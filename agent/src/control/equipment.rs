@@ -12,6 +12,7 @@
 
 use armada_model::{Chain, JointLimits, JointVector, KinematicsError, Pose, RobotModel, Twist};
 use armada_protocol::messages::CommandMode;
+use serde::{Deserialize, Serialize};
 
 use super::io::{EquipmentOrder, Refusal, Retired};
 use super::state::{LoopState, Tick};
@@ -21,7 +22,7 @@ use crate::drivers::{DriverRequest, LoadSetting, ReportedTip, TipFrame};
 pub const MAX_CHAINS: usize = 4;
 
 /// The chains of a robot with their tools, made outside the loop and never changed.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Equipment {
     /// Revision: raised by each change of a tool or payload.
     pub config_seqno: u64,
@@ -30,7 +31,7 @@ pub struct Equipment {
 }
 
 /// A chain with its tool.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct EquippedChain {
     /// From its base link to its flange, without the tool; limits as the robot file narrows them.
     pub chain: Chain,
@@ -161,7 +162,7 @@ impl EquippedChain {
 }
 
 /// Which loads the controller is still to be told of, one bit for each chain.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct OwedLoads(u8);
 
 impl OwedLoads {

@@ -12,7 +12,7 @@ use armada_protocol::messages::{
     StopLevel, StopStage, StreamHeader,
 };
 use arrayvec::ArrayVec;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use uuid::Uuid;
 
 use super::equipment::{Equipment, MAX_CHAINS};
@@ -36,7 +36,7 @@ pub const MAX_QUEUED: usize = 16;
 pub const MAX_RETIRED: usize = MAX_REQUESTS + MAX_QUEUED + 2;
 
 /// What does not change while a loop runs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Params {
     /// Limits of each joint; acceleration is always given.
     pub limits: Vec<JointLimits>,
@@ -71,6 +71,7 @@ pub struct Params {
     /// Whether single moves are left to the controller, if it can and nobody says otherwise.
     pub delegates: bool,
     /// The chains with their tools at the start.
+    #[serde(with = "crate::control::shared")]
     pub equipment: Arc<Equipment>,
     /// Where the feedback shows each signal of the controller.
     pub signals: Vec<ValueSlot>,
@@ -127,7 +128,7 @@ impl Params {
 pub const REDUCED_SHARE: f64 = 0.25;
 
 /// What a controller can do besides following set-points, as far as the loop asks for it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LoopAbilities {
     /// It can search the references of its joints.
     pub homing: bool,
@@ -176,7 +177,7 @@ impl Input {
 }
 
 /// One sample of a stream.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StreamSample {
     /// Lease, epoch, number and age.
     pub header: StreamHeader,
@@ -185,7 +186,7 @@ pub struct StreamSample {
 }
 
 /// What a sample of a stream commands.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum StreamValues {
     /// Positions \[rad or m\] of `joints`, and speeds at them if given \[1/s\]; those of the other
     /// joints do not count.
@@ -220,7 +221,7 @@ pub struct TwistTarget {
 }
 
 /// A request to the loop; it is answered in exactly one [`LoopEvent::Answer`] with its ticket.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LoopRequest {
     /// Chosen by the asker, returned with the answer.
     pub ticket: u64,
@@ -231,7 +232,7 @@ pub struct LoopRequest {
 }
 
 /// What may be asked of the loop.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum Order {
     /// Change the command mode.
     SetMode(CommandMode),
@@ -297,7 +298,7 @@ pub enum Order {
 }
 
 /// Homing of groups of joints, one group after the other.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HomeOrder {
     /// Identity of the motion.
     pub id: Uuid,
@@ -308,7 +309,7 @@ pub struct HomeOrder {
 }
 
 /// Joints at a speed, for a time after the newest order.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JogJointOrder {
     /// Identity of the motion; the same as that of the jog in progress to keep it going.
     pub id: Uuid,
@@ -321,7 +322,7 @@ pub struct JogJointOrder {
 }
 
 /// Tools at a speed, for a time after the newest order.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JogCartesianOrder {
     /// Identity of the motion; the same as that of the jog in progress to keep it going.
     pub id: Uuid,
@@ -334,7 +335,7 @@ pub struct JogCartesianOrder {
 }
 
 /// A move that the controller makes itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DelegateOrder {
     /// Identity of the motion.
     pub id: Uuid,
@@ -349,9 +350,10 @@ pub struct DelegateOrder {
 }
 
 /// Other tools and payloads.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct EquipmentOrder {
     /// The chains with them.
+    #[serde(with = "crate::control::shared")]
     pub equipment: Arc<Equipment>,
     /// Revision that they were made from, which must still be in force.
     pub replaces: u64,
@@ -360,7 +362,7 @@ pub struct EquipmentOrder {
 }
 
 /// A move of all joints to a position.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct JogOrder {
     /// Identity of the motion.
     pub id: Uuid,
@@ -371,11 +373,12 @@ pub struct JogOrder {
 }
 
 /// A trajectory to follow.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FollowOrder {
     /// Identity of the motion.
     pub id: Uuid,
     /// The validated trajectory.
+    #[serde(with = "crate::control::shared")]
     pub trajectory: Arc<CompiledTrajectory>,
     /// When to start; at once if `None`.
     pub start: Option<MonoTime>,
@@ -454,7 +457,7 @@ pub enum Retired {
 }
 
 /// State of the robot after a tick, copied to the publisher as the latest value.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// The tick's deadline.
     pub stamp: MonoTime,
@@ -503,7 +506,7 @@ pub struct Snapshot {
 }
 
 /// The lease in force.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeaseReport {
     /// Which.
     pub lease: Uuid,
@@ -546,7 +549,7 @@ pub struct DroppedSamples {
 }
 
 /// Something that happened in a tick.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum LoopEvent {
     /// The answer to a request.
     Answer {
@@ -586,7 +589,7 @@ pub enum LoopEvent {
 }
 
 /// What became of the lease.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LeaseChange {
     /// It was granted to this lease.
     Granted(Uuid),
@@ -599,7 +602,7 @@ pub enum LeaseChange {
 }
 
 /// What became of a stream of commands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum StreamChange {
     /// Its first sample was taken.
     Began,
@@ -612,7 +615,7 @@ pub enum StreamChange {
 }
 
 /// A request was granted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Granted {
     /// Epoch now in force.
     pub epoch: u64,
@@ -621,7 +624,7 @@ pub struct Granted {
 }
 
 /// Status of a motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionReport {
     /// Which motion.
     pub id: Uuid,
@@ -640,7 +643,7 @@ pub struct MotionReport {
 }
 
 /// A fault with its numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LoopFault {
     /// What kind.
     pub code: FaultCode,
@@ -655,7 +658,7 @@ pub struct LoopFault {
 }
 
 /// Why the loop refuses a request or ends a motion; the runtime puts it into words.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Refusal {
     /// The mode does not allow it.
     WrongMode {
@@ -739,7 +742,7 @@ pub enum Refusal {
     /// Too many requests wait for the controller already.
     TooManyPending,
     /// This robot cannot do it: what is missing.
-    NotSupported(&'static str),
+    NotSupported(#[serde(deserialize_with = "leaked")] StaticText),
     /// Somebody holds the lease, or none was given and one is needed.
     LeaseRequired {
         /// Time left of the lease in force \[s\].
@@ -797,4 +800,12 @@ pub enum Refusal {
     },
     /// Another request of the same kind took its place.
     Superseded,
+}
+
+/// Under another name, since serde would borrow a field of type `&str` from its input.
+type StaticText = &'static str;
+
+/// A text that lives as long as the program: recordings are read by programs that soon end.
+fn leaked<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {
+    Ok(Box::leak(String::deserialize(deserializer)?.into_boxed_str()))
 }

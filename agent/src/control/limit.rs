@@ -21,6 +21,7 @@
 //!
 //! Limits are widened by [`LIMIT_TOLERANCE`], since a trajectory is accepted up to there.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use armada_model::{
@@ -31,7 +32,7 @@ use arrayvec::ArrayVec;
 use crate::drivers::SetPoint;
 
 /// Knows what was sent last and changes what must not follow it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Limiter {
     axes: ArrayVec<AxisLimits, MAX_JOINTS>,
     period_s: f64,

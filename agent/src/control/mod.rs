@@ -27,6 +27,7 @@
 //! * Every request is answered once; every motion has one terminal status.
 
 mod authority;
+mod checkpoint;
 mod controller;
 mod equipment;
 mod faults;
@@ -38,6 +39,7 @@ mod mode;
 mod motion;
 mod operational;
 mod orders;
+mod shared;
 mod standstill;
 mod state;
 mod step;

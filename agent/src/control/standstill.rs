@@ -5,6 +5,7 @@
 //! leave its place by more than the threshold speed would carry it in the hold time. Without
 //! feedback nothing is known, so nothing stands.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime};
@@ -17,7 +18,7 @@ use crate::drivers::Feedback;
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// What was measured since the set-points came to rest.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Standstill {
     /// When the set-points came to rest.
     quiet_since: Option<MonoTime>,

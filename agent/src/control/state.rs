@@ -1,5 +1,6 @@
 //! What the loop remembers from tick to tick, and the few ways to change it.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -25,7 +26,7 @@ use super::verify::Condition;
 pub(super) const MAX_FAULTS: usize = 10;
 
 /// What the loop remembers from tick to tick.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct LoopState {
     pub(super) limits: MotionLimits,
     /// Limits at reduced speed; see [`limits_in_force`](Self::limits_in_force).
@@ -56,6 +57,7 @@ pub struct LoopState {
     /// Speed of all motions, 0.01 to 1.
     pub(super) speed_ratio: f64,
     /// The chains with their tools.
+    #[serde(with = "crate::control::shared")]
     pub(super) equipment: Arc<Equipment>,
     pub(super) owed_loads: OwedLoads,
     pub(super) values: PendingValues,

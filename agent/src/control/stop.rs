@@ -30,6 +30,7 @@
 //! When the gate opens nothing moves and nothing is enabled.
 
 use armada_protocol::messages::{CommandMode, StopLevel, StopStage};
+use serde::{Deserialize, Serialize};
 
 use super::io::{LoopEvent, Refusal};
 use super::motion::End;
@@ -37,7 +38,7 @@ use super::state::{LoopState, Tick};
 use crate::drivers::DriverRequest;
 
 /// How hard the robot is stopped, and how far it has come.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Stop {
     level: Option<StopLevel>,
     stage: Option<StopStage>,

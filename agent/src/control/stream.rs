@@ -30,6 +30,7 @@ use armada_protocol::messages::{CommandMode, StreamHeader};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
+use super::checkpoint::copy_by_fields;
 use super::io::{
     DroppedSamples, LoopEvent, Params, StreamChange, StreamReport, StreamSample, StreamValues,
 };
@@ -41,7 +42,7 @@ use crate::drivers::JointSet;
 const MAX_RING: usize = 4096;
 
 /// The stream in progress, and what is needed to judge the next sample.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Stream {
     past: Past,
     /// The newest sample that came with the lease and epoch that were in force.
@@ -62,7 +63,7 @@ struct Current {
 }
 
 /// When the states of late were made.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 struct Past {
     /// Number and time of a tick, at the place of its number.
     ring: Box<[(u64, MonoTime)]>,
@@ -78,6 +79,10 @@ enum Unfit {
     Mode,
     Values,
 }
+
+copy_by_fields! { Stream: past, newest, dropped, dropped_in_epoch, current }
+
+copy_by_fields! { Past: ring }
 
 impl Stream {
     pub(super) fn new(params: &Params) -> Self {

@@ -7,11 +7,13 @@
 //!
 //! Speeds are compared in the same way, where a waypoint asks for it.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime};
 use armada_protocol::messages::FaultCode;
 
+use super::checkpoint::copy_by_fields;
 use super::io::Params;
 use crate::drivers::Feedback;
 
@@ -19,7 +21,7 @@ use crate::drivers::Feedback;
 const MAX_RING: usize = 4096;
 
 /// The set-points sent of late.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Tracking {
     ring: Box<[Sent]>,
     /// Where the newest is.
@@ -28,7 +30,7 @@ pub(super) struct Tracking {
     held: usize,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Sent {
     at: MonoTime,
     position: JointVector,
@@ -52,6 +54,8 @@ pub(super) struct Excess {
     /// Its limit.
     pub(super) limit: f64,
 }
+
+copy_by_fields! { Tracking: ring, newest, held }
 
 impl Tracking {
     /// A ring long enough for the oldest feedback that is still gone by.

@@ -10,6 +10,7 @@
 //! A value that is asked for while an older one is under way takes its place; whoever waits for
 //! the older one is told so.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use armada_model::{MAX_JOINTS, MonoTime};
@@ -25,7 +26,7 @@ const MAX_PENDING: usize = 8;
 const REPEAT: Duration = Duration::from_millis(50);
 
 /// Where the feedback shows a signal or parameter.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ValueSlot {
     /// Index of its first number.
     pub first: usize,
@@ -36,7 +37,7 @@ pub struct ValueSlot {
 }
 
 /// A value to be set.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct ValueOrder {
     pub(super) place: ValuePlace,
     pub(super) values: Values<MAX_JOINTS>,
@@ -45,17 +46,17 @@ pub(super) struct ValueOrder {
 }
 
 /// Which value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum ValuePlace {
     Signal(u8),
     Parameter(u8),
 }
 
 /// Values under way to the controller, oldest first.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct PendingValues(ArrayVec<PendingValue, MAX_PENDING>);
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct PendingValue {
     ticket: u64,
     order: ValueOrder,

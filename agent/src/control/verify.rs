@@ -23,6 +23,7 @@
 //! operational mode and the controller's state are `undefined` and the joint arrays empty.
 
 use armada_protocol::messages::{CommandMode, FaultCode, OperationalMode, RobotFlags};
+use serde::{Deserialize, Serialize};
 
 use super::faults::fault;
 use super::io::{LoopFault, Refusal};
@@ -31,7 +32,7 @@ use super::state::{LoopState, Tick};
 use crate::drivers::Feedback;
 
 /// What is known of the controller at this tick.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Condition {
     /// Newest report that could be taken.
     latest: Option<Feedback>,

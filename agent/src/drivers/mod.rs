@@ -13,6 +13,7 @@ mod ability;
 mod request;
 mod vendors;
 
+use serde::{Deserialize, Serialize};
 use std::net::SocketAddr;
 use std::num::NonZeroU64;
 use std::time::Duration;
@@ -31,7 +32,7 @@ use vendors::vendors;
 pub const MAX_PACKET: usize = 1500;
 
 /// What a controller reports.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Feedback {
     /// When it arrived, loop's clock.
     pub stamp: MonoTime,
@@ -112,7 +113,7 @@ impl Feedback {
 }
 
 /// One set-point of all joints.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SetPoint {
     /// Positions \[rad or m\].
     pub joint_position: JointVector,

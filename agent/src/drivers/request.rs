@@ -1,13 +1,14 @@
 //! What a controller is asked to do besides following set-points, and what it reports of it.
 
 use armada_model::{JointVector, MAX_JOINTS, Pose};
+use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
 /// Most chains of which a controller may report the tip.
 pub const MAX_REPORTED_TIPS: usize = 2;
 
 /// Something a controller is asked to do besides moving to set-points.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum DriverRequest {
     /// Switch the drives on.
     Enable,
@@ -59,7 +60,7 @@ pub enum DriverRequest {
 }
 
 /// A move that the controller plans and executes itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DelegatedMove {
     /// Number of the move, rising within a run of the agent.
     pub number: u32,
@@ -74,7 +75,7 @@ pub struct DelegatedMove {
 }
 
 /// Where a delegated move goes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum DelegatedGoal {
     /// Joint positions \[rad or m\].
     Joint(JointVector),
@@ -95,7 +96,7 @@ pub enum DelegatedGoal {
 }
 
 /// What has become of a delegated move.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DelegatedReport {
     /// Number of the newest move that was taken.
     pub number: u32,
@@ -106,7 +107,7 @@ pub struct DelegatedReport {
 }
 
 /// Where a delegated move stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DelegatedStatus {
     /// Taken, and waiting for those that it is connected to.
     Waiting,
@@ -126,7 +127,7 @@ pub enum DelegatedStatus {
 }
 
 /// Mass, centre of mass and inertia at a flange.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LoadSetting {
     /// Mass \[kg\].
     pub mass: f64,
@@ -137,7 +138,7 @@ pub struct LoadSetting {
 }
 
 /// A pose that the controller reports.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportedTip {
     /// Which chain, in the order of the robot file.
     pub chain: u8,
@@ -148,7 +149,7 @@ pub struct ReportedTip {
 }
 
 /// What a [`ReportedTip`] is the pose of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TipFrame {
     /// The flange: the tool is still to be added.
     Flange,
@@ -208,7 +209,8 @@ impl JointSet {
 }
 
 /// Up to `N` numbers, without a heap.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "ArrayVec<f64, N>", into = "ArrayVec<f64, N>")]
 pub struct Values<const N: usize> {
     values: [f64; N],
     len: usize,
@@ -237,6 +239,18 @@ impl<const N: usize> Values<N> {
     #[must_use]
     pub fn as_mut_slice(&mut self) -> &mut [f64] {
         self.values.get_mut(..self.len).unwrap_or_default()
+    }
+}
+
+impl<const N: usize> From<ArrayVec<f64, N>> for Values<N> {
+    fn from(values: ArrayVec<f64, N>) -> Self {
+        Self::from_slice(&values).unwrap_or_default()
+    }
+}
+
+impl<const N: usize> From<Values<N>> for ArrayVec<f64, N> {
+    fn from(values: Values<N>) -> Self {
+        values.as_slice().iter().copied().collect()
     }
 }
 

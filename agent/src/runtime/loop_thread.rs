@@ -26,6 +26,7 @@ use super::wake_log::WakeLog;
 use crate::config::RealtimeConfig;
 use crate::control::{Input, LoopEvent, LoopState, MAX_REQUESTS, Output, Params, Refusal, step};
 use crate::drivers::{Driver, Pacing};
+use crate::recorder::Tape;
 
 /// Everything the loop thread owns or shares.
 pub(super) struct LoopThread {
@@ -45,6 +46,10 @@ pub(super) struct LoopThread {
     /// Woken when there is something to publish.
     pub(super) publisher: Thread,
     pub(super) shutdown: Arc<AtomicBool>,
+    /// Writes the ticks down.
+    pub(super) tape: Option<Tape>,
+    /// Set by whoever wants what is written down to be saved.
+    pub(super) save: Arc<AtomicBool>,
     /// For who measures this loop.
     pub(super) wake_log: Option<WakeLog>,
 }
@@ -91,6 +96,9 @@ impl LoopThread {
             let guarded = AssertUnwindSafe(|| self.tick(woke, tick, &mut carry));
             carry.loop_error = catch_unwind(guarded).is_err();
             if carry.loop_error {
+                if let Some(tape) = &mut self.tape {
+                    tape.cut();
+                }
                 self.meter.panics.fetch_add(1, Ordering::Relaxed);
                 self.answer_for_failed_step(&mut carry.asked);
             }
@@ -124,7 +132,11 @@ impl LoopThread {
         {
             input.stream.push(sample);
         }
+        if let Some(tape) = &mut self.tape {
+            tape.before(&self.state, &input);
+        }
         let output = step(&self.params, &mut self.state, &mut input);
+        self.record(&input, &output);
         self.send(woke, &output);
         self.report(output, &mut carry.due);
         carry.asked.clear();
@@ -141,6 +153,15 @@ impl LoopThread {
             }
         }
         self.publisher.unpark();
+    }
+
+    fn record(&mut self, input: &Input, output: &Output) {
+        let Some(tape) = &mut self.tape else { return };
+        let latched = |event: &LoopEvent| matches!(event, LoopEvent::FaultLatched(_));
+        if self.save.swap(false, Ordering::Relaxed) || output.events.iter().any(latched) {
+            tape.save();
+        }
+        tape.after(input, output);
     }
 
     fn send(&mut self, now: MonoTime, output: &Output) {
@@ -304,6 +325,8 @@ mod tests {
             ticks_per_class: Vec::new(),
             publisher: std::thread::current(),
             shutdown: Arc::clone(&shutdown),
+            tape: None,
+            save: Arc::default(),
             wake_log: None,
         };
         let running = running.start().expect("a thread");

@@ -35,6 +35,7 @@ mod meter;
 mod motion_log;
 mod publisher;
 mod realtime;
+mod recordings;
 mod requests;
 mod robot;
 mod robot_agent;

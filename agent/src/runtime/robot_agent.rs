@@ -29,6 +29,7 @@ use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
 use super::publisher::{Publisher, StateClass};
 use super::realtime::RealtimeReport;
+use super::recordings::{Recorder, Recordings};
 use super::requests::{MAX_WAITS, Requests};
 use super::robot::Robot;
 use super::stop_gate::StopGate;
@@ -38,6 +39,7 @@ use super::threads::Threads;
 use super::wake_log::WakeLog;
 use super::words::Vocabulary;
 use crate::control::{Input, LoopRequest, LoopState, Params, step};
+use crate::recorder::Tape;
 
 /// How long a robot that is shut down gets to stand still.
 const STANDSTILL_PATIENCE: Duration = Duration::from_secs(5);
@@ -82,6 +84,7 @@ impl RobotAgent {
         let publisher = threads.publish(publisher, &robot.config, span.clone())?;
         let mut loop_thread = shared.loop_thread(robot, loop_end, publisher)?;
         loop_thread.wake_log = wake_log;
+        let recorder = shared.recorder(robot, &mut loop_thread)?;
         let realtime = threads.control(loop_thread)?;
         info!(robot = %name, period_ms = robot.config.control.period_ms, scheduling = %realtime,
             "control loop runs");
@@ -94,8 +97,13 @@ impl RobotAgent {
         let changed = Arc::clone(&shared.changed);
         let desk = desk.run(Inboxes { loop_events, stops, remarks: remarked, changed });
         let desk = start_task(desk.instrument(span.clone()));
-        let requests =
-            Arc::new(shared.requests(robot, clients.requests, cleared_seen, remarks.clone()));
+        let requests = Arc::new(shared.requests(
+            robot,
+            clients.requests,
+            cleared_seen,
+            remarks.clone(),
+            recorder,
+        ));
         let streams = StreamIntake::open(session, robot, clients.samples, &shared.board).await;
         let streams = streams.map_err(bus::zenoh_error)?;
         let keys = bus::open_keys(session, robot, &shared.board, &requests, stop).await?;
@@ -260,8 +268,32 @@ impl Shared {
             ticks_per_class: robot.state_classes().into_iter().map(|(_, ticks)| ticks).collect(),
             publisher,
             shutdown: Arc::clone(&self.shutdown),
+            tape: None,
+            save: Arc::default(),
             wake_log: None,
         })
+    }
+
+    /// Has the loop recorded, unless the robot file says otherwise.
+    fn recorder(
+        &self,
+        robot: &Robot,
+        loop_thread: &mut LoopThread,
+    ) -> Result<Option<Recorder>, AgentError> {
+        let config = &robot.config.recorder;
+        if config.seconds <= 0.0 {
+            return Ok(None);
+        }
+        let (name, params) = (robot.config.robot.clone(), robot.params.clone());
+        let empty = LoopState::new(&params)?;
+        let (tape, shelf) = Tape::new(&empty, params.period.as_secs_f64(), config.seconds);
+        let told = (Arc::clone(&self.board), Arc::clone(&self.changed));
+        let (recorder, recordings) = Recordings::new(name, config, params, shelf, told);
+        loop_thread.tape = Some(tape);
+        loop_thread.save = Arc::clone(&recorder.save);
+        // Ends when nobody can ask any more.
+        drop(start_task(recordings.run()));
+        Ok(Some(recorder))
     }
 
     async fn desk(
@@ -292,10 +324,12 @@ impl Shared {
         orders: Producer<LoopRequest>,
         cleared: watch::Receiver<u64>,
         remarks: mpsc::Sender<Remark>,
+        recorder: Option<Recorder>,
     ) -> Requests {
         Requests {
             board: Arc::clone(&self.board),
             gate: Arc::clone(&self.gate),
+            recorder,
             params: robot.params.clone(),
             limits: robot.limits,
             joint_names: robot.joint_names(),

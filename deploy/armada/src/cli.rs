@@ -6,7 +6,7 @@ use tracing::Level;
 use crate::bench;
 use crate::commands::{
     call, completions, control, events, home, info, jog, kinematics, lease, model, modes, moves,
-    payload, process, reset, run, status, stop, tool, up, values, watch,
+    payload, process, replay, reset, run, status, stop, tool, up, values, watch,
 };
 use crate::exit;
 use crate::logging::LogFormat;
@@ -123,6 +123,8 @@ pub(crate) enum Command {
     Call(call::CallArgs),
     /// Answer questions about a robot description: check it, show it, where its links are
     Model(model::ModelArgs),
+    /// Run a recording of a control loop through it again, and show what differs
+    Replay(replay::ReplayArgs),
     /// Measure timing on this machine, against what Armada is built on
     Bench(bench::BenchArgs),
     /// Write the completion script of a shell

@@ -7,6 +7,7 @@
 //!
 //! All of it is one curve to whoever runs on it, so pauses, speeds and stops work anywhere on it.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use armada_model::{
@@ -18,14 +19,15 @@ use armada_protocol::messages::ReducedLimits;
 use super::queue::Waiting;
 
 /// One trajectory and the way into it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Leg {
+    #[serde(with = "crate::control::shared")]
     pub(super) trajectory: Arc<CompiledTrajectory>,
     pub(super) entry: Option<Entry>,
 }
 
 /// A way onto a trajectory from where the robot was before, in motion.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Entry {
     way: JerkLimitedMove,
     /// Clock of the trajectory where the way joins it \[s\].
@@ -33,7 +35,7 @@ pub(super) struct Entry {
 }
 
 /// Where a leg is left for the next one.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Exit {
     /// Phase of the leg that is left \[s\].
     pub(super) leave_s: f64,
@@ -44,7 +46,7 @@ pub(super) struct Exit {
 }
 
 /// What is followed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Course {
     pub(super) leg: Leg,
     pub(super) exit: Option<Exit>,

@@ -13,6 +13,7 @@
 //! joints goes on with the others; a jog of tools keeps the direction of the tool, so all joints of
 //! the chain rest with it, until it is told another way or its time has passed.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime, OnlineState};
@@ -23,7 +24,7 @@ use crate::control::equipment::MAX_CHAINS;
 use crate::control::io::TwistTarget;
 
 /// A jog of joints or tools at a speed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::control) struct DeadManJog {
     follower: SpeedFollower,
     wanted: Wanted,
@@ -36,7 +37,7 @@ pub(in crate::control) struct DeadManJog {
 }
 
 /// What is wanted to move, and how fast.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(in crate::control) enum Wanted {
     /// Each joint \[1/s\].
     Joints(JointVector),

@@ -18,6 +18,7 @@
 
 use armada_model::{JointVector, MonoTime};
 use armada_protocol::messages::{CommandMode, MotionKind, Queue};
+use serde::{Deserialize, Serialize};
 
 use super::{End, Motion, Source};
 use crate::control::io::{DelegateOrder, Refusal};
@@ -27,7 +28,7 @@ use crate::drivers::{
 };
 
 /// A move of the controller's own.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::control) struct DelegatedMotion {
     kind: MotionKind,
     order: DelegatedMove,

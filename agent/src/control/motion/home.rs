@@ -13,6 +13,7 @@
 
 use armada_model::{JointVector, MAX_JOINTS, MonoTime, OnlineState};
 use armada_protocol::messages::{FaultCode, HomeMethod};
+use serde::{Deserialize, Serialize};
 
 use super::delegated::is_over;
 use super::{Drive, End, JogMotion, Motion, Next, Source};
@@ -23,7 +24,7 @@ use crate::control::state::{LoopState, Tick};
 use crate::drivers::{DriverRequest, Feedback, JointSet};
 
 /// Homing in progress.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::control) struct HomeMotion {
     groups: [JointSet; MAX_JOINTS],
     /// The group in progress.
@@ -32,7 +33,7 @@ pub(in crate::control) struct HomeMotion {
     ticks: u64,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 enum Way {
     /// The controller searches.
@@ -42,7 +43,7 @@ enum Way {
 }
 
 /// What is known of the search of one group.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Search {
     /// When it was first asked for.
     asked: Option<MonoTime>,
@@ -63,7 +64,7 @@ enum Step {
 }
 
 /// What the controller is told about motions that it makes itself.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(in crate::control) struct OwnMotion {
     /// When each was sent last.
     asked: Option<MonoTime>,
@@ -77,7 +78,7 @@ pub(in crate::control) struct OwnMotion {
 }
 
 /// The controller is to come to rest.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Stopping {
     first: Option<MonoTime>,
     last: Option<MonoTime>,

@@ -8,12 +8,13 @@ use armada_model::{
     JerkLimitedMove, JointMoveError, JointVector, MAX_ONLINE_VALUE, MotionLimits,
     MotionLimitsError, OnlineError, OnlineOptions, OnlineState, Synchronisation,
 };
+use serde::{Deserialize, Serialize};
 
 use super::{Drive, Next};
 use crate::control::io::Refusal;
 
 /// A move of all joints to a position, on its way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::control) struct JogMotion {
     plan: JerkLimitedMove,
     goal: JointVector,

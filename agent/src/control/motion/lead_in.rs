@@ -1,5 +1,6 @@
 //! The slow way from where a robot stands to the first waypoint.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use armada_model::{JointMove, JointVector, MotionLimits, MotionState};
@@ -13,7 +14,7 @@ const SAME: f64 = 1e-9;
 const ROUNDING: f64 = 1e-6;
 
 /// The way to the first waypoint, with its time in ticks.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct LeadIn {
     plan: JointMove,
     ticks: u32,

@@ -40,6 +40,7 @@ use armada_model::{JointVector, MonoTime, MotionLimits, MotionState};
 use armada_protocol::messages::{
     ActionStatus, Executor, FaultCode, LeaseLoss, MotionKind, MotionProgress,
 };
+use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use self::queue::Remains;
@@ -51,7 +52,7 @@ use super::state::{LoopState, Tick};
 use crate::drivers::SetPoint;
 
 /// How a motion ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum End {
     /// Its last set-point was sent.
     Complete,
@@ -69,7 +70,7 @@ impl End {
 }
 
 /// A motion in progress, or waiting for its start.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Motion {
     pub(super) id: Uuid,
     pub(super) source: Source,
@@ -86,7 +87,7 @@ pub(super) struct Motion {
 }
 
 /// What makes the set-points of a motion.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 pub(super) enum Source {
     /// A move to a position.

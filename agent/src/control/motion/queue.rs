@@ -21,6 +21,7 @@
 //!   speed of where the robot is. Where no way is legal, or the rate just changes, the robot first
 //!   comes to rest on its old path.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use armada_model::{CompiledTrajectory, JointVector, MotionState, OnlineState};
@@ -48,10 +49,11 @@ const REACH_S: f64 = 0.5;
 const HALVINGS: u32 = 24;
 
 /// A motion that waits for the end of another.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::control) struct Waiting {
     pub(in crate::control) id: Uuid,
     pub(super) kind: MotionKind,
+    #[serde(with = "crate::control::shared")]
     pub(super) trajectory: Arc<CompiledTrajectory>,
     blended: bool,
     /// The lease it was ordered under.

@@ -9,6 +9,7 @@
 //! after at most `T` + [`STOP_ALLOWANCE`] when a stop or a fault ended the motion, and `T` +
 //! [`CALM_ALLOWANCE`] when a person did. One that is stopped on the way to rest is hurried up.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use armada_model::{JointVector, MotionLimits, MotionState, StopRamp};
@@ -25,7 +26,7 @@ pub(super) const STOP_ALLOWANCE: Duration = Duration::from_millis(100);
 pub(super) const CALM_ALLOWANCE: Duration = Duration::from_millis(500);
 
 /// What brings the robot to rest.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 pub(in crate::control) enum Brake {
     /// Straight on from what was sent last.
@@ -35,7 +36,7 @@ pub(in crate::control) enum Brake {
 }
 
 /// A stop on a path, with its deadline.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::control) struct PathBrake {
     motion: TrajectoryMotion,
     /// Ticks that are left until the robot has to stand.

@@ -1,13 +1,14 @@
 //! Moving at a wanted joint velocity: what jogs and streams of velocities have in common.
 
 use armada_model::{JointVector, MotionLimits, OnlineState};
+use serde::{Deserialize, Serialize};
 
 /// Joints on their way to wanted velocities, with limited jerk; the one way to move like that.
 ///
 /// It begins in any state and is told at each tick what is wanted now. Every joint goes there by
 /// itself in the least time and slows down before its position limits, where it rests for as long
 /// as it is told to go on; see [`OnlineState::toward_velocity`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in crate::control) struct SpeedFollower {
     state: OnlineState,
 }

@@ -27,6 +27,7 @@
 //! The last set-point is the last waypoint, bit for bit; then the motion is complete, and the
 //! position is held.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -48,7 +49,7 @@ const LEAD_IN_SPEED: f64 = 0.1;
 const REPLACING_SPEED: f64 = 0.5;
 
 /// A trajectory being followed, or waiting for its start.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::control) struct TrajectoryMotion {
     pub(super) course: Course,
     kind: MotionKind,
@@ -67,7 +68,7 @@ pub(in crate::control) struct TrajectoryMotion {
 }
 
 /// The way to the first waypoint.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 enum Opening {
     /// To be planned when the robot is at rest, at this share of the speed limits.
@@ -77,7 +78,7 @@ enum Opening {
 }
 
 /// How the phase goes on.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
 enum Pace {
     /// Not yet.
@@ -145,7 +146,7 @@ impl TrajectoryMotion {
 
     /// To be begun when the robot stands, from wherever that is.
     pub(super) fn later(
-        trajectory: Arc<CompiledTrajectory>,
+        #[serde(with = "crate::control::shared")] trajectory: Arc<CompiledTrajectory>,
         kind: MotionKind,
         speed: &Speed<'_>,
         is_far: bool,

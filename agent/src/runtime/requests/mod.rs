@@ -35,6 +35,7 @@ use super::clock::monotonic;
 use super::desk::Remark;
 use super::equipment::SharedEquipment;
 use super::motion_log::queued;
+use super::recordings::Recorder;
 use super::stop_gate::StopGate;
 use crate::control::{Granted, LoopRequest, Order, Params};
 use crate::drivers::Abilities;
@@ -62,6 +63,8 @@ pub(super) struct Requests {
     /// Held while a single move is planned and handed over.
     pub(super) planning: tokio::sync::Mutex<()>,
     pub(super) boot_id: Uuid,
+    /// None if nothing is recorded.
+    pub(super) recorder: Option<Recorder>,
 }
 
 /// Who asks, and under which lease.

@@ -1,16 +1,21 @@
 //! The recorder of the control loop.
 
-use armada_protocol::messages::{Denial, Empty, RecordingAnswer};
+use armada_protocol::messages::{Denial, DenialCode, Empty, RecordingAnswer};
 
 use super::{Asker, Requests};
 
 impl Requests {
-    #[expect(clippy::unused_async, reason = "one form for all methods")]
     pub(super) async fn save_recording(
         &self,
         _: Asker,
         _: Empty,
     ) -> Result<RecordingAnswer, Denial> {
-        Err(self.not_supported("save_recording"))
+        match &self.recorder {
+            Some(recorder) => recorder.save().await,
+            None => Err(Denial::new(
+                DenialCode::NotSupported,
+                "the recorder is switched off: recorder.seconds is 0 in the robot file",
+            )),
+        }
     }
 }

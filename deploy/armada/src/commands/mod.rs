@@ -14,6 +14,7 @@ pub(crate) mod modes;
 pub(crate) mod moves;
 pub(crate) mod payload;
 pub(crate) mod process;
+pub(crate) mod replay;
 pub(crate) mod reset;
 pub(crate) mod run;
 pub(crate) mod status;
@@ -77,6 +78,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Exit> {
         Command::Disable(args) => block_on(modes::run_on_robots::<Disable>(args)),
         Command::ResetErrors(args) => block_on(modes::run_on_robot::<ResetErrors>(args)),
         Command::Model(args) => model::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Call(args) => block_on(call::run(args)),
         Command::Bench(args) => block_on(bench::run(args)),
         Command::Completions(args) => completions::run(&args),
