@@ -146,7 +146,7 @@ impl TrajectoryMotion {
 
     /// To be begun when the robot stands, from wherever that is.
     pub(super) fn later(
-        #[serde(with = "crate::control::shared")] trajectory: Arc<CompiledTrajectory>,
+        trajectory: Arc<CompiledTrajectory>,
         kind: MotionKind,
         speed: &Speed<'_>,
         is_far: bool,

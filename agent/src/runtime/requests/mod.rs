@@ -171,13 +171,6 @@ impl Requests {
         }
     }
 
-    /// The refusal of a method that this robot does not have.
-    fn not_supported(&self, method: &str) -> Denial {
-        let robot = self.board.lock().vocabulary.robot.clone();
-        Denial::new(DenialCode::NotSupported, format!("{robot} has no {method}"))
-            .with("method", method)
-    }
-
     /// Begins the log of a motion, hands it to the loop, and takes the log back if it refuses.
     async fn start(
         &self,
