@@ -42,6 +42,7 @@ impl RobotConfig {
     /// [`ConfigError::Invalid`] if the links of a chain are not ones of `model` with a driven
     /// joint of this robot between them, or a tool makes no sense.
     pub fn equipment(&self, model: &RobotModel) -> Result<EquipmentBook, ConfigError> {
+        self.chain_infos(model)?;
         let joints = self.joint_infos(model)?;
         let joints: Vec<_> = joints.iter().map(limits_of).collect();
         let mut chains = Vec::new();

@@ -226,7 +226,8 @@ impl EquipmentBook {
 
     /// Enters a change that the loop has granted; returns what the chain carries now.
     pub fn enter(&mut self, change: EquipmentChange) -> ChainEquipment {
-        self.config_seqno = change.order.equipment.config_seqno;
+        self.hand_over(&change);
+        self.config_seqno = change.config_seqno();
         if let Some(entry) = self.chains.get_mut(change.chain) {
             entry.carries = change.carries.clone();
         }

@@ -40,7 +40,10 @@ pub struct MoveOptions {
     /// `connect`.
     pub blend_radius_m: f64,
     /// Whether another move follows, to be planned together with this one: nothing moves before
-    /// the first move that does not connect.
+    /// the first move that does not connect. Then all are one motion with the id of the last; each
+    /// of the others is `complete` when its corner was passed, and ends as the motion does if that
+    /// ends early. Until then all are `queued`, at most 32; a change of the epoch cancels them.
+    /// Moves that blend are of one kind, chain and speed.
     pub connect: bool,
     /// Who plans and executes.
     pub executor: MoveExecutor,
@@ -73,7 +76,7 @@ impl Default for MoveOptions {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MoveExecutor {
-    /// The controller if it can, else the agent.
+    /// The controller if it can and the robot file says `delegate: auto`, else the agent.
     #[default]
     Auto,
     /// The controller; refused if it cannot.

@@ -3,6 +3,8 @@
 mod authority;
 mod authority_model;
 mod controller;
+mod delegated;
+mod equipment;
 mod faults;
 mod flags;
 mod home;
@@ -12,6 +14,7 @@ mod jog_joint;
 mod limiter;
 mod mode_model;
 mod modes;
+mod own_moves;
 mod pause;
 mod properties;
 mod queue;

@@ -14,11 +14,12 @@ use armada_protocol::messages::{
 use arrayvec::ArrayVec;
 use uuid::Uuid;
 
+use super::own_moves::OwnMoves;
 use crate::control::{
     FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
     MAX_SAMPLES, MotionReport, Order, Output, Params, Refusal, Retired, StreamSample, step,
 };
-use crate::drivers::{DriverRequest, Feedback, JointSet, SetPoint};
+use crate::drivers::{DriverRequest, Feedback, JointSet, MAX_SIGNAL_VALUES, SetPoint, Values};
 
 pub(super) const PERIOD: Duration = Duration::from_millis(4);
 pub(super) const JOINTS: usize = 3;
@@ -119,6 +120,9 @@ pub(super) struct Plant {
     pub(super) reports_velocity: bool,
     /// Ticks until the references searched for are found; never if `None`.
     pub(super) finds_after: Option<u32>,
+    /// Moves that it makes itself.
+    pub(super) own: OwnMoves,
+    pub(super) signals: Values<MAX_SIGNAL_VALUES>,
     pub(super) asked: Vec<DriverRequest>,
     last: Option<Feedback>,
 }
@@ -147,6 +151,8 @@ impl Plant {
             creep: 0.0,
             reports_velocity: true,
             finds_after: None,
+            own: OwnMoves::default(),
+            signals: Values::EMPTY,
             asked: Vec::new(),
             last: None,
         }
@@ -178,6 +184,8 @@ impl Plant {
                 conditions: self.conditions,
                 homed: self.homed,
                 homing: self.homing,
+                delegated: self.own.report,
+                signals: self.signals,
                 ..Feedback::of(now, self.position)
             });
         }
@@ -198,7 +206,9 @@ impl Plant {
             *ticks = ticks.saturating_sub(1);
         }
         while let Some(at) = self.obeying.iter().position(|(ticks, _)| *ticks == 0) {
-            match self.obeying.remove(at).1 {
+            let request = self.obeying.remove(at).1;
+            self.own.take(&request, &self.position);
+            match request {
                 DriverRequest::Enable => (self.enabled, self.ready) = (true, true),
                 DriverRequest::Disable => (self.enabled, self.ready) = (false, false),
                 DriverRequest::ResetErrors if self.emergency_stop => {}
@@ -208,6 +218,13 @@ impl Plant {
                     self.homing = joints;
                 }
                 DriverRequest::StopMotion => self.homing = JointSet::NONE,
+                DriverRequest::SetSignal { signal, values } => {
+                    // As the tests lay them out: one number, then the others.
+                    let rest = self.signals.as_mut_slice().get_mut(usize::from(signal)..);
+                    for (slot, value) in rest.into_iter().flatten().zip(values.as_slice()) {
+                        *slot = *value;
+                    }
+                }
                 // Not among the abilities of this controller.
                 _ => {}
             }
@@ -254,6 +271,12 @@ impl Plant {
 
     fn move_on(&mut self) {
         let before = self.position;
+        if !self.enabled {
+            self.own.drop_move();
+        }
+        if let Some(next) = self.own.step(&self.position) {
+            self.position = next;
+        }
         if self.sent.len() > Self::LAG
             && let Some(next) = self.sent.pop_front().filter(|_| !self.blocked)
         {
