@@ -1,13 +1,9 @@
 //! A running agent over real Zenoh, with a simulated controller over real datagrams.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
-
-mod common;
-mod several_robots;
-
 use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;
 
+use crate::common::{Bench, DEADLINE, denial, emulate, stop_options};
 use armada_agent::runtime::{Agent, AgentError};
 use armada_model::{JointTrajectory, JointUnit, JointVector, Waypoint};
 use armada_protocol::messages::*;
@@ -15,12 +11,11 @@ use armada_protocol::method::robot::{
     Abort, Cancel, Commit, ExecuteTrajectory, Halt, JogFreespace, Prepare, Reset, ResetErrors,
     SetMode,
 };
-use common::{Bench, DEADLINE, denial, emulate, stop_options};
 use uuid::Uuid;
 
 const READY: [f64; 6] = [0.0, -FRAC_PI_2, FRAC_PI_2, -FRAC_PI_2, -FRAC_PI_2, 0.0];
 
-fn goal(first: f64) -> JogFreespaceParams {
+pub(crate) fn goal(first: f64) -> JogFreespaceParams {
     let mut position = READY;
     position[0] = first;
     JogFreespaceParams {
@@ -66,7 +61,7 @@ async fn set_mode(bench: &Bench, mode: CommandMode) -> ModeAnswer {
     bench.client.call::<SetMode>(&bench.robot, params).await.expect("mode is granted")
 }
 
-fn stop(level: StopLevel) -> StopRequest {
+pub(crate) fn stop(level: StopLevel) -> StopRequest {
     StopRequest {
         stop_id: Uuid::now_v7(),
         source: "test".to_owned(),

@@ -1,18 +1,14 @@
 //! Jogs and homing over real Zenoh, answered at once or at their end.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
-
-mod common;
-
 use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;
 
+use crate::common::{Bench, DEADLINE, denial, stop_options};
 use armada_model::{JointVector, Twist};
 use armada_protocol::messages::*;
 use armada_protocol::method::robot::{
     Cancel, Halt, Home, JogCartesian, JogFreespace, JogJoint, SetMode,
 };
-use common::{Bench, DEADLINE, denial, stop_options};
 use tokio::task::JoinSet;
 use uuid::Uuid;
 

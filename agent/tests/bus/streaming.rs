@@ -1,17 +1,13 @@
 //! Streams of commands over real Zenoh, from a client that may die.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
-
-mod common;
-
 use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;
 
+use crate::common::{Bench, DEADLINE, connect};
 use armada_model::JointVector;
 use armada_protocol::client::{Client, LeaseKeeper, Stream};
 use armada_protocol::messages::*;
 use armada_protocol::method::robot::SetMode;
-use common::{Bench, DEADLINE, connect};
 use uuid::Uuid;
 
 const READY: [f64; 6] = [0.0, -FRAC_PI_2, FRAC_PI_2, -FRAC_PI_2, -FRAC_PI_2, 0.0];
@@ -223,7 +219,7 @@ async fn a_stop_takes_the_lease_and_its_keeper_tells() {
         reason: "test".to_owned(),
         seq: 0,
     };
-    bench.client.stop(request, common::stop_options()).await.expect("stopped");
+    bench.client.stop(request, crate::common::stop_options()).await.expect("stopped");
     tokio::time::timeout(DEADLINE, keeper.lost()).await.expect("told");
     assert!(keeper.is_lost());
     bench.shut_down().await;

@@ -1,11 +1,8 @@
 //! The lease over real Zenoh: who may command, and what the others are told.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
-
-mod common;
-
 use std::time::Duration;
 
+use crate::common::Bench;
 use armada_model::{JointTrajectory, JointVector, Waypoint};
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::keys;
@@ -14,7 +11,6 @@ use armada_protocol::method::Method;
 use armada_protocol::method::robot::{
     AcquireLease, Commit, ExecuteTrajectory, Halt, Prepare, ReleaseLease, RenewLease, SetMode,
 };
-use common::Bench;
 use uuid::Uuid;
 
 /// Asks as `name` under a lease.

@@ -1,17 +1,12 @@
 //! Tools, kinematics and single moves of a running agent, over real Zenoh and datagrams.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
-
-#[allow(dead_code, reason = "other tests use more of it")]
-mod common;
-
+use crate::common::{Bench, denial};
 use armada_model::{JointVector, Pose};
 use armada_protocol::messages::*;
 use armada_protocol::method::robot::{
     AttachPayload, AttachTool, DetachPayload, DetachTool, ForwardKinematics, InverseKinematics,
     MoveJoint, MoveLinear, MovePose, SetMode,
 };
-use common::{Bench, denial};
 use uuid::Uuid;
 
 const START: [f64; 6] = [0.2, -1.2, 1.4, -1.7, -1.4, 0.1];

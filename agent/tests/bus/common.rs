@@ -1,7 +1,5 @@
 //! A simulated arm with its emulator and agent in this process, and a client to it.
 
-#![allow(dead_code, reason = "each test program uses a part of it")]
-
 use std::net::{TcpListener, UdpSocket};
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};

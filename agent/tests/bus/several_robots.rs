@@ -14,7 +14,7 @@ use armada_protocol::method::robot::{JogFreespace, SetMode};
 use tempfile::TempDir;
 
 use crate::common::{self, DEADLINE, denial, emulate, free_tcp_port, stop_options};
-use crate::{goal, stop};
+use crate::running::{goal, stop};
 
 /// Two arms in one agent, and a client of it.
 struct Pair {

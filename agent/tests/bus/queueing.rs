@@ -1,18 +1,13 @@
 //! Trajectories one after the other, paused and at other speeds, over real Zenoh.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
-
-#[allow(dead_code, reason = "other tests use more of it")]
-mod common;
-
 use std::f64::consts::FRAC_PI_2;
 
+use crate::common::{Bench, denial};
 use armada_model::{JointTrajectory, Waypoint};
 use armada_protocol::messages::*;
 use armada_protocol::method::robot::{
     Cancel, ExecuteTrajectory, Pause, Resume, SetMode, SetSpeedRatio,
 };
-use common::{Bench, denial};
 use uuid::Uuid;
 
 /// Turns the first joint from `from` to `to` in `duration_s`.

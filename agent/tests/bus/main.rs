@@ -1,0 +1,13 @@
+//! Agents over real Zenoh, with emulated controllers over real datagrams. One program, since each
+//! links all of Zenoh.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+mod jogging;
+mod lease;
+mod moves;
+mod queueing;
+mod running;
+mod several_robots;
+mod streaming;
