@@ -13,6 +13,7 @@ const PURE: [&str; 7] = [
     "agent/src/drivers",
     "agent/src/equipment",
     "agent/src/moves",
+    "agent/src/recorder",
     "gateway/src/coordinator",
     "gateway/src/world",
 ];
