@@ -166,7 +166,7 @@ impl Ours {
         let (_, state) = self.next_state().await?;
         let from = state.joint_position_command_rad;
         let trajectory = long_swing(from, ready_position()?, waypoints);
-        let params = ExecuteTrajectoryParams { motion_id: None, trajectory };
+        let params = ExecuteTrajectoryParams::at_once(None, trajectory);
         let sent = monotonic();
         let accepted = self.arm.client.call::<ExecuteTrajectory>(&self.arm.name, params).await?;
         let answered = monotonic();
