@@ -41,7 +41,7 @@ impl Child {
         let answers = process.stdout.take().context("no standard output")?;
         let answers = BufReader::new(answers).lines();
         let mut child = Self { process, asks, answers, ready: Ready::default() };
-        child.ready = child.answer(PATIENCE).await.with_context(|| format!("{part:?}"))?;
+        child.ready = child.answer(PATIENCE).await.with_context(|| part.to_string())?;
         Ok(child)
     }
 

@@ -1,6 +1,7 @@
 //! One process of a measurement: it sets up, says that it is ready, answers what it is asked, and
 //! ends when its standard input ends, as it does however its parent ends.
 
+use std::fmt;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -69,6 +70,19 @@ pub(super) enum Part {
         /// How many.
         threads: usize,
     },
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Emulator { robots } => write!(f, "emulators of {} robots", robots.len()),
+            Self::Agent { robots, .. } => write!(f, "agent of {} robots", robots.len()),
+            Self::BareLoops { loops, .. } => write!(f, "{loops} bare loops"),
+            Self::RawState { .. } => f.write_str("raw publisher"),
+            Self::RawReply { .. } => f.write_str("raw answerer"),
+            Self::Busy { threads } => write!(f, "{threads} busy threads"),
+        }
+    }
 }
 
 impl FromStr for Part {

@@ -25,7 +25,7 @@ const TOO_MANY: f64 = 0.5;
 All arms run in one agent process, each with a loop thread of its own; their emulated controllers
 run in a second process on the same machine, and real datagrams go between them. The arms hold their
 position with their drives on. After the numbers of arms that were asked for, the last is doubled
-until half of all periods are missed. The machine is fully used then: expect that nothing else runs
+until half of all periods are missed, or so many can no longer be started. The machine is fully used then: expect that nothing else runs
 well, least of all under SCHED_FIFO.")]
 pub(super) struct ScaleArgs {
     /// Rate of the control loops and of the states, 10 to 1000
@@ -66,21 +66,40 @@ pub(super) async fn measure(args: ScaleArgs) -> anyhow::Result<Report> {
         priority: args.common.policy.priority(),
     };
     let mut progress = Progress::new();
-    let mut steps = Vec::new();
+    let (mut steps, mut failure) = (Vec::new(), None);
     let mut numbers = Numbers::new(&args.arms, args.most);
     while let Some(arms) = numbers.next_after(steps.last().map(|s: &Step| s.armada.missed_share)) {
         progress.show(&format!("{arms} arms"));
-        let folder = Folder::make()?;
-        let mut fleet = Fleet::start(&folder, &spec, arms).await?;
-        machine.scheduled("armada", fleet.scheduling());
-        let (armada, emulator) = fleet.measure(args.seconds).await?;
-        fleet.end().await?;
-        let (bare, scheduling) = measure_bare(&spec, arms, args.seconds).await?;
-        machine.scheduled("bare loops", &scheduling);
-        steps.push(Step { arms, armada, emulator, bare });
+        match measure_step(&spec, arms, args.seconds, &mut machine).await {
+            Ok(step) => steps.push(step),
+            // A machine with too many arms may not even get as far as starting them.
+            Err(error) if !steps.is_empty() => {
+                failure = Some(format!("{arms} arms could not be measured: {error:#}"));
+                break;
+            }
+            Err(error) => return Err(error),
+        }
     }
     drop(progress);
-    Ok(report(&args, machine, &steps))
+    let mut report = report(&args, machine, &steps);
+    failure.into_iter().for_each(|failure| report.note(failure));
+    Ok(report)
+}
+
+async fn measure_step(
+    spec: &RobotSpec,
+    arms: u32,
+    time: Duration,
+    machine: &mut Machine,
+) -> anyhow::Result<Step> {
+    let folder = Folder::make()?;
+    let mut fleet = Fleet::start(&folder, spec, arms).await?;
+    machine.scheduled("armada", fleet.scheduling());
+    let (armada, emulator) = fleet.measure(time).await?;
+    fleet.end().await?;
+    let (bare, scheduling) = measure_bare(spec, arms, time).await?;
+    machine.scheduled("bare loops", &scheduling);
+    Ok(Step { arms, armada, emulator, bare })
 }
 
 /// The next numbers of arms: those asked for, then twice the last until too many.
@@ -97,6 +116,11 @@ impl Numbers {
         asked.sort_unstable();
         asked.dedup();
         Self { asked: asked.into_iter(), last: 0, most }
+    }
+
+    /// No more numbers.
+    pub(super) fn end(&mut self) {
+        self.last = self.most;
     }
 
     /// The next number, after a measurement with this share of missed periods; `None` when half
@@ -173,6 +197,10 @@ mod tests {
         assert_eq!(numbers.next_after(None), Some(16));
         assert_eq!(numbers.next_after(Some(0.1)), Some(32));
         assert_eq!(numbers.next_after(Some(0.5)), None);
+        let mut numbers = Numbers::new(&[16, 32], 300);
+        assert_eq!(numbers.next_after(None), Some(16));
+        numbers.end();
+        assert_eq!(numbers.next_after(Some(0.1)), None);
     }
 
     #[test]

@@ -31,6 +31,8 @@ pub(super) struct Many {
 pub(super) struct Sides {
     pub(super) ours: Vec<Many>,
     pub(super) original: Vec<Many>,
+    /// Numbers of arms that could not be measured, and why.
+    pub(super) failures: Vec<String>,
 }
 
 /// Measures both, number by number, until each misses half of the periods.
@@ -53,10 +55,18 @@ pub(super) async fn measure(
                 continue;
             };
             progress.show(&format!("{arms} arms: {side}"));
-            done.push(match side {
-                Side::Ours => of_ours(args, arms).await?,
-                Side::Reference => of_original(args, python, arms).await?,
-            });
+            let measured = match side {
+                Side::Ours => of_ours(args, arms).await,
+                Side::Reference => of_original(args, python, arms).await,
+            };
+            match measured {
+                Ok(many) => done.push(many),
+                // A machine with too many arms may not even get as far as starting them.
+                Err(error) => {
+                    sides.failures.push(format!("{side}: {arms} arms not measured: {error:#}"));
+                    numbers.end();
+                }
+            }
         }
         if sides.ours.len() + sides.original.len() == before {
             break;

@@ -47,6 +47,7 @@ pub(super) fn report(
         let shares: Vec<_> = side.iter().map(|many| (many.arms, many.missed_share)).collect();
         report.note(format!("{name} at 100 Hz: {}", bounds_text(&shares)));
     }
+    many.failures.iter().for_each(|failure| report.note(failure));
     for note in NOTES {
         report.note(note);
     }
@@ -181,8 +182,11 @@ mod tests {
     #[test]
     fn numbers_of_arms_that_only_one_side_was_measured_with_stay_empty_for_the_other() {
         let many = |arms, missed_share| Many { arms, missed_share, cpu_share: 0.01 };
-        let sides =
-            Sides { ours: vec![many(16, 0.0), many(200, 0.25)], original: vec![many(16, 0.5)] };
+        let sides = Sides {
+            ours: vec![many(16, 0.0), many(200, 0.25)],
+            original: vec![many(16, 0.5)],
+            failures: Vec::new(),
+        };
         let lines: Vec<_> = missed_periods(&sides).to_string().lines().map(str::to_owned).collect();
         let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
         assert_eq!(words(&lines[1]), ["16", "arms", "200", "arms"]);
