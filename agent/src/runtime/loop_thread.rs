@@ -157,8 +157,8 @@ impl LoopThread {
 
     fn record(&mut self, input: &Input, output: &Output) {
         let Some(tape) = &mut self.tape else { return };
-        let latched = |event: &LoopEvent| matches!(event, LoopEvent::FaultLatched(_));
-        if self.save.swap(false, Ordering::Relaxed) || output.events.iter().any(latched) {
+        let asked = self.save.swap(false, Ordering::Relaxed);
+        if asked || output.events.iter().any(|e| matches!(e, LoopEvent::FaultLatched(_))) {
             tape.save();
         }
         tape.after(input, output);

@@ -231,7 +231,7 @@ async fn a_prepared_motion_starts_at_its_instant_and_dies_with_its_epoch() {
         CommitParams { motion_id: prepared.motion_id, boot_id: clock.boot_id, start_ns: start };
     client.call::<Commit>(robot, commit).await.expect("committed");
     let end = bench.motion_end(prepared.motion_id).await;
-    assert_eq!(end.status, ActionStatus::Complete);
+    assert_eq!(end.status, ActionStatus::Complete, "{:?}", end.reason);
     let started = end.started_ns.expect("it started");
     // Never early by more than the half period that rounding to a tick takes; how late it is
     // depends on how busy the machine is, but it is not a matter of the 200 ms of the lead.

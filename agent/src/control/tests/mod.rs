@@ -16,6 +16,7 @@ mod mode_model;
 mod modes;
 mod own_moves;
 mod pause;
+mod plant;
 mod properties;
 mod queue;
 mod rig;
