@@ -81,7 +81,7 @@ impl Recorded {
                 _ => None,
             };
             self.tick(order);
-            if self.tick % 50 == 0 {
+            if self.tick.is_multiple_of(50) {
                 assert!(!self.shelf.tidy(), "nobody asked to save");
             }
         }

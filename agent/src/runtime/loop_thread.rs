@@ -180,7 +180,7 @@ impl LoopThread {
         let sample = due.tick();
         let said = monotonic();
         let seqno = output.snapshot.seqno;
-        let class = self.ticks_per_class.iter().any(|&ticks| seqno % ticks.max(1) == 0);
+        let class = self.ticks_per_class.iter().any(|&ticks| seqno.is_multiple_of(ticks.max(1)));
         let something = sample || class || !output.events.is_empty() || !output.retired.is_empty();
         for event in output.events {
             if self.mailbox.events.push((said, event)).is_err() {

@@ -311,7 +311,7 @@ impl Story {
         match what {
             Command::Mode(mode) => Order::SetMode(mode),
             Command::ResetErrors => Order::ResetErrors,
-            Command::Jog => jog(id, [if id % 2 == 0 { 0.5 } else { -0.5 }, 0.0, 0.0]),
+            Command::Jog => jog(id, [if id.is_multiple_of(2) { 0.5 } else { -0.5 }, 0.0, 0.0]),
             Command::Follow(on_lease_loss) => {
                 let held = self.rig.commands.last().expect("held").joint_position;
                 let (a, b) = (held[0], if held[0] > 0.0 { -0.3 } else { 0.3 });

@@ -20,7 +20,7 @@ use crate::drivers::{Feedback, LoadSetting};
 const PERIOD: Duration = Duration::from_millis(2);
 const SIX: &str = include_str!("../../../../config/robots/six_axis_arm.urdf");
 const SEVEN: &str = include_str!("../../../../config/robots/seven_axis_arm.urdf");
-const SIX_READY: [f64; 6] = [0.3, -1.2, 1.6, -1.4, -1.5708, 0.4];
+const SIX_READY: [f64; 6] = [0.3, -1.2, 1.6, -1.4, -1.57, 0.4];
 const SEVEN_READY: [f64; 7] = [0.2, -0.5, 0.3, -2.0, 0.2, 1.7, 0.5];
 
 /// An arm in mode jog.
@@ -241,7 +241,7 @@ fn one_joint_at_its_velocity_limit_slows_the_tool_and_keeps_its_direction() {
 #[test]
 fn near_a_singularity_it_is_damped_and_no_joint_races() {
     // The elbow is all but stretched, and the tool is to go on outwards.
-    let mut arm = Arm::new(SIX, &[0.0, -1.0, 0.15, -1.0, -1.5708, 0.0]);
+    let mut arm = Arm::new(SIX, &[0.0, -1.0, 0.15, -1.0, -1.57, 0.0]);
     arm.ask(jog(1, target(JogFrame::Base, [0.3, 0.0, -0.3], [0.0; 3]), 3.0)).expect("granted");
     let mut fastest: f64 = 0.0;
     for _ in 0..1400 {

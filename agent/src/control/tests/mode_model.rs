@@ -16,6 +16,7 @@ use CommandMode::{Halt, Homing, InvalidState};
 
 /// Something that happens to the loop.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a story of some hundred acts")]
 enum Act {
     Ticks(usize),
     Late(u32),

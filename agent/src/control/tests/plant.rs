@@ -6,7 +6,7 @@ use armada_model::{JointVector, MonoTime};
 use armada_protocol::messages::{OperationalMode, RobotFlags};
 
 use super::own_moves::OwnMoves;
-use super::rig::JOINTS;
+use super::rig::{JOINTS, PERIOD};
 use crate::drivers::{DriverRequest, Feedback, JointSet, MAX_SIGNAL_VALUES, SetPoint, Values};
 
 /// A controller with an ideal robot: it goes where it was told to be [`Plant::LAG`] ticks ago.

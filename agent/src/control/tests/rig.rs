@@ -1,6 +1,6 @@
 //! A loop with a simulated controller behind it; every tick is watched for the invariants.
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,17 +9,17 @@ use armada_model::{
     TrajectoryOptions, Waypoint,
 };
 use armada_protocol::messages::{
-    ActionStatus, CommandMode, FaultCode, OperationalMode, Queue, RobotFlags, StopLevel, StopStage,
+    ActionStatus, CommandMode, FaultCode, Queue, StopLevel, StopStage,
 };
 use arrayvec::ArrayVec;
 use uuid::Uuid;
 
-use super::plant::Plant;
+pub(super) use super::plant::Plant;
 use crate::control::{
     FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
     MAX_SAMPLES, MotionReport, Order, Output, Params, Refusal, Retired, StreamSample, step,
 };
-use crate::drivers::{DriverRequest, Feedback, JointSet, MAX_SIGNAL_VALUES, SetPoint, Values};
+use crate::drivers::{Feedback, SetPoint};
 
 pub(super) const PERIOD: Duration = Duration::from_millis(4);
 pub(super) const JOINTS: usize = 3;

@@ -53,7 +53,7 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<Exit> {
             })),
         }))?;
     } else {
-        output.line(&format!(
+        output.line(format!(
             "{}: {} ticks of {:.3} ms, written because: {}",
             recording.robot,
             recording.ticks(),
@@ -61,8 +61,8 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<Exit> {
             recording.reason,
         ))?;
         match difference {
-            None => output.line(&format!("{} ticks replayed, no difference", result.ticks))?,
-            Some(difference) => output.line(&difference.to_string())?,
+            None => output.line(format!("{} ticks replayed, no difference", result.ticks))?,
+            Some(difference) => output.line(difference)?,
         }
     }
     Ok(if difference.is_none() { Exit::Success } else { Exit::Failure })

@@ -128,7 +128,7 @@ mod tests {
     fn a_velocity_is_reached_in_the_least_time_and_exactly() {
         for (from, to) in [(0.0, 1.5), (0.05, 0.0), (-1.5, 0.8), (0.8, 0.8)] {
             let start = AxisPoint { velocity: from, ..AxisPoint::default() };
-            let (wide, time_s) = (f64::INFINITY, ramp_s((to - from as f64).abs()));
+            let (wide, time_s) = (f64::INFINITY, ramp_s((to - from).abs()));
             let limits = AxisLimits { lower: -wide, upper: wide, ..LIMITS };
             let reached = start.toward_velocity(to, &limits, time_s + 1e-12);
             assert_eq!((reached.velocity, reached.acceleration), (to, 0.0), "{from} to {to}");
