@@ -269,7 +269,7 @@ impl LoopState {
         }
         let period_s = tick.period_s();
         match &mut motion.source {
-            Source::Trajectory(trajectory) if !trajectory.waits_for_instant() => {
+            Source::Trajectory(trajectory) if !trajectory.is_common() => {
                 if !trajectory.set_paused(paused, &self.limits, period_s) {
                     return Ok(());
                 }
@@ -302,6 +302,12 @@ impl LoopState {
     ) -> Result<(), Refusal> {
         if !(0.01..=1.0).contains(&ratio) {
             return Err(Refusal::NotSupported("speed ratios beyond 0.01 to 1"));
+        }
+        if let Some(Motion { id, source: Source::Trajectory(trajectory), .. }) = &self.motion
+            && trajectory.is_common()
+        {
+            // Its partners would go on at their own speed.
+            return Err(Refusal::Busy(*id));
         }
         self.speed_ratio = ratio;
         if let Some(Motion { source: Source::Trajectory(trajectory), .. }) = &mut self.motion {

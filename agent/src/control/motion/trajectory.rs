@@ -197,8 +197,9 @@ impl TrajectoryMotion {
         !matches!(self.pace, Pace::Before)
     }
 
-    pub(super) const fn waits_for_instant(&self) -> bool {
-        self.start.is_some() && !self.has_begun()
+    /// Whether it began, or begins, at an instant: with other robots, whose pace it has to keep.
+    pub(super) const fn is_common(&self) -> bool {
+        self.start.is_some()
     }
 
     pub(super) const fn is_paused(&self) -> bool {

@@ -198,3 +198,17 @@ fn a_tolerance_of_speeds_needs_a_controller_that_measures_them() {
     let path = trajectory_with(&[], &[0.05; 3], &[(0.0, [0.0; 3]), (1.0, [0.4, 0.0, 0.0])]);
     assert!(matches!(rig.follow(1, &path), Err(Refusal::NotSupported(_))));
 }
+
+#[test]
+fn what_began_with_other_robots_keeps_its_pace() {
+    let mut rig = Rig::in_mode(Trajectory);
+    let start = rig.now + 10 * PERIOD;
+    rig.ask(follow_with(1, &path(), Some(start), None)).expect("granted");
+    for ticks in [5, 50] {
+        rig.ticks(ticks);
+        assert_eq!(rig.ask(Order::SetSpeedRatio(0.5)), Err(Refusal::Busy(id(1))));
+        assert_eq!(rig.ask(Order::Pause(id(1))), Err(Refusal::NotPausable));
+    }
+    rig.until("the end", |rig| rig.ended(1).is_some());
+    rig.ask(Order::SetSpeedRatio(0.5)).expect("granted");
+}

@@ -124,6 +124,18 @@ impl Requests {
         if let Some(motion) = snapshot.motion {
             return refuse(Refusal::Busy(motion.id));
         }
+        if snapshot.speed_ratio < 1.0 {
+            // Its partners would go at their own speed, and meet where nobody looked.
+            let robot = &board.vocabulary.robot;
+            let text = format!(
+                "{robot} has a speed ratio of {}, but robots that move together need 1: set it first",
+                snapshot.speed_ratio
+            );
+            return Err(Denial::new(DenialCode::NotReady, text)
+                .with("field", "speed_ratio")
+                .with("value", snapshot.speed_ratio)
+                .with("limit", 1.0));
+        }
         let (start, measured) = (trajectory.start(), snapshot.joint_position);
         let distances = start.iter().zip(measured.iter()).map(|(a, b)| (a - b).abs());
         for (joint, (value, &limit)) in

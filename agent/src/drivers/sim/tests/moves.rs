@@ -1,7 +1,5 @@
 //! Moves of the controller's own: goals by forward kinematics, limits, blends, pauses, restarts.
 
-use std::f64::consts::FRAC_PI_2;
-
 use armada_model::{Chain, Pose, RobotModel};
 use armada_protocol::messages::OperationalMode;
 
@@ -12,7 +10,7 @@ use crate::drivers::{
 };
 
 const URDF: &str = include_str!("../../../../../config/robots/six_axis_arm.urdf");
-const HOME: [f64; 6] = [0.0, -FRAC_PI_2, FRAC_PI_2, -FRAC_PI_2, -FRAC_PI_2, 0.0];
+const HOME: [f64; 6] = [0.0, -1.571, 1.571, -1.571, -1.571, 0.0];
 const ACCELERATION: f64 = 5.0;
 
 fn chain() -> Chain {
