@@ -13,11 +13,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_agent::control::{
-    Equipment, EquippedChain, FollowOrder, HomeOrder, Input, JogCartesianOrder, JogJointOrder,
-    JogOrder, LoopAbilities, LoopRequest, LoopState, MAX_CHAINS, Order, Output, Params,
-    StreamSample, StreamValues, TwistTarget, step,
+    Equipment, EquipmentOrder, EquippedChain, FollowOrder, HomeOrder, Input, JogCartesianOrder,
+    JogJointOrder, JogOrder, LoopAbilities, LoopRequest, LoopState, MAX_CHAINS, Order, Output,
+    Params, StreamSample, StreamValues, TwistTarget, step,
 };
 use armada_agent::drivers::{DriverRequest, Feedback, JointSet, LoadSetting};
+use armada_agent::recorder::{Shelf, Tape};
 use armada_model::{
     Chain, CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MAX_JOINTS, MonoTime,
     MotionLimits, Pose, RobotModel, TrajectoryOptions, Twist, Waypoint,
@@ -137,6 +138,8 @@ struct Rig {
     stop: Option<StopLevel>,
     /// Samples of the next tick.
     stream: ArrayVec<StreamSample, 8>,
+    /// What writes the ticks down, and what takes it off its hands.
+    tape: Option<(Tape, Shelf)>,
     calls: u64,
     ticks: u64,
 }
@@ -158,6 +161,7 @@ impl Rig {
             feedback: Some(feedback),
             stop: None,
             stream: ArrayVec::new(),
+            tape: None,
             calls: 0,
             ticks: 0,
         }
@@ -181,8 +185,17 @@ impl Rig {
             stream: self.stream.take(),
         };
         let before = CALLS.get();
+        if let Some((tape, _)) = &mut self.tape {
+            tape.before(&self.state, &input);
+        }
         let output = black_box(step(&self.params, &mut self.state, black_box(&mut input)));
+        if let Some((tape, _)) = &mut self.tape {
+            tape.after(&input, &output);
+        }
         self.calls += CALLS.get() - before;
+        if let Some((_, shelf)) = &mut self.tape {
+            shelf.tidy();
+        }
         self.ticks += 1;
         self.obey(&output);
         output
@@ -496,5 +509,50 @@ fn streams_of_positions_and_speeds_allocate_nothing() {
     stream(&mut rig, Uuid::from_u128(2), CommandMode::VelocityCommand, velocity);
     rig.tick([Order::ReleaseLease(Uuid::from_u128(2)), Order::Halt]);
     rig.ticks(1000);
+    rig.expect_mode(CommandMode::Halt);
+}
+
+#[test]
+fn the_recorder_allocates_nothing_and_frees_nothing_whatever_it_takes_down() {
+    let mut rig = Rig::new();
+    rig.tape = Some(Tape::new(&rig.state, PERIOD.as_secs_f64(), 4.0));
+    rig.ticks(5);
+    for round in 0..8 {
+        rig.tick([set_mode(CommandMode::Trajectory)]);
+        let path = trajectory(0.0, 0.2);
+        rig.tick([follow(100 + 3 * round, &path, None)]);
+        drop(path);
+        rig.ticks(700);
+        rig.tick([Order::Halt]);
+        rig.ticks(300);
+        rig.tick([set_mode(CommandMode::Jog)]);
+        rig.tick([jog(101 + 3 * round, 0.0)]);
+        rig.ticks(900);
+        if let Some((tape, _)) = &mut rig.tape {
+            tape.save();
+        }
+        rig.tick([Order::Halt]);
+        rig.ticks(300);
+    }
+    rig.expect_mode(CommandMode::Halt);
+}
+
+#[test]
+fn other_tools_and_values_allocate_nothing_and_are_not_freed_in_the_loop() {
+    let mut rig = Rig::new();
+    rig.ticks(500);
+    for config_seqno in 2..6 {
+        let mut equipment = equipment();
+        equipment.config_seqno = config_seqno;
+        let order = EquipmentOrder {
+            equipment: Arc::new(equipment),
+            load: Some((0, LoadSetting::default())),
+            replaces: config_seqno - 1,
+        };
+        let output = rig.tick([Order::SetEquipment(order)]);
+        assert_eq!(output.retired.len(), 1, "the old tools come back");
+        assert_eq!(output.snapshot.config_seqno, config_seqno);
+        rig.ticks(10);
+    }
     rig.expect_mode(CommandMode::Halt);
 }
