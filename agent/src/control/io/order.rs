@@ -12,7 +12,8 @@ use super::TwistTarget;
 use crate::control::equipment::{Equipment, MAX_CHAINS};
 use crate::drivers::{DelegatedMove, JointSet, LoadSetting, Values};
 
-/// A request to the loop; it is answered in exactly one [`LoopEvent::Answer`] with its ticket.
+/// A request to the loop; it is answered in exactly one [`LoopEvent::Answer`](super::LoopEvent::Answer) with its
+/// ticket.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LoopRequest {
     /// Chosen by the asker, returned with the answer.

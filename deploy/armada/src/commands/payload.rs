@@ -39,10 +39,10 @@ struct AttachPayloadArgs {
     /// Name; or a payload as JSON, @FILE that holds it, or -
     #[arg(value_name = "PAYLOAD")]
     payload: String,
-    /// Mass [kg], with a name
+    /// Mass (kg), with a name
     #[arg(long, value_name = "KG", value_parser = parse_mass)]
     mass: Option<f64>,
-    /// Centre of mass in the payload's frame [m], with a mass
+    /// Centre of mass in the payload's frame (m), with a mass
     #[arg(long, value_name = "X,Y,Z", requires = "mass", allow_hyphen_values = true,
         value_parser = parse_triple)]
     com: Option<[f64; 3]>,

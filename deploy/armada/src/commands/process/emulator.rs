@@ -67,7 +67,7 @@ enum EmulatorCommand {
         /// key_switch=MODE (manual_reduced_speed, manual_full_speed, auto, cobot).
         /// Errors: error=CODE, fatal_error=CODE, fatal_clear, homing_failure, homing_repair,
         /// drives_off, block_joint=INDEX, unblock.
-        /// Inputs: input=NAME:VALUE, or input=NAME[ELEMENT]:VALUE of one with several values.
+        /// Inputs: input=NAME:VALUE, or `input=NAME[ELEMENT]:VALUE` of one with several values.
         /// Link: silence_ms=MS, latency_ms=MS, freeze, unfreeze.
         #[arg(value_name = "FAULT")]
         fault: Fault,
