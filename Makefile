@@ -70,8 +70,10 @@ python-test: python
 	cd $(PACKAGE) && ../../$(VENV)/bin/mypy
 	cd $(PACKAGE) && ../../$(VENV)/bin/python -m pytest --quiet
 
+# Built with the whole workspace: for one package alone Zenoh would be built anew.
 keys: tools
-	cargo run --package armada-protocol --example generate_keys
+	cargo build --workspace --examples
+	target/debug/examples/generate_keys
 
 clean:
 	cargo clean
