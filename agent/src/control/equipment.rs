@@ -161,11 +161,11 @@ impl EquippedChain {
     }
 }
 
-/// Which loads the controller is still to be told of, one bit for each chain.
+/// Of which chains the controller is still to be told something, one bit for each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct OwedLoads(u8);
+pub(super) struct Owed(u8);
 
-impl OwedLoads {
+impl Owed {
     /// All of them.
     pub(super) const ALL: Self = Self(u8::MAX);
 
@@ -173,14 +173,20 @@ impl OwedLoads {
         self.0 |= 1_u8.wrapping_shl(chain as u32);
     }
 
-    /// The chain whose turn it is, which is owed nothing more then.
-    const fn take(&mut self) -> Option<u8> {
-        if self.0 == 0 {
+    /// The chain whose turn it is, of `count`, which is owed nothing more then.
+    fn take(&mut self, count: usize) -> Option<u8> {
+        let chain = self.0.trailing_zeros() as u8;
+        if usize::from(chain) >= count {
+            // Higher ones, of which there are none.
+            self.0 = 0;
             return None;
         }
-        let chain = self.0.trailing_zeros() as u8;
         self.0 &= self.0 - 1;
         Some(chain)
+    }
+
+    const fn is_empty(self) -> bool {
+        self.0 == 0
     }
 }
 
@@ -198,27 +204,34 @@ impl LoopState {
         if let Some((chain, _)) = order.load {
             self.owed_loads.add(chain);
         }
+        self.owed_tools = Owed::ALL;
         let before = std::mem::replace(&mut self.equipment, order.equipment);
         tick.retire(Retired::Equipment(before));
         Ok(())
     }
 
-    /// The load that the controller is to be told of now.
-    pub(super) fn load_request(&mut self, tick: &Tick<'_>) -> Option<DriverRequest> {
+    /// The tool or load that the controller is to be told of now.
+    pub(super) fn equipment_request(&mut self, tick: &Tick<'_>) -> Option<DriverRequest> {
         if self.condition.feedback().is_none() {
-            self.owed_loads = OwedLoads::ALL;
+            (self.owed_loads, self.owed_tools) = (Owed::ALL, Owed::ALL);
             return None;
         }
-        if !tick.params.abilities.load {
-            return None;
+        let abilities = &tick.params.abilities;
+        let (of_tool, of_load) = (abilities.move_pose || abilities.move_linear, abilities.load);
+        let chains = &self.equipment.chains;
+        if let Some(chain) = self.owed_tools.take(chains.len()).filter(|_| of_tool) {
+            let tool = chains.get(usize::from(chain))?.tcp;
+            return Some(DriverRequest::SetTool { chain, tool });
         }
-        let chain = self.owed_loads.take()?;
-        let Some(equipped) = self.equipment.chains.get(usize::from(chain)) else {
-            // The highest chains, of which there are none.
-            self.owed_loads = OwedLoads::default();
-            return None;
-        };
-        Some(DriverRequest::SetLoad { chain, load: equipped.load })
+        let chain = self.owed_loads.take(chains.len()).filter(|_| of_load)?;
+        let load = chains.get(usize::from(chain))?.load;
+        Some(DriverRequest::SetLoad { chain, load })
+    }
+
+    /// Whether the controller knows every tool: before that, a pose of a tool means another one to
+    /// it.
+    pub(super) const fn knows_tools(&self) -> bool {
+        self.owed_tools.is_empty()
     }
 
     fn check_equipment(&self, tick: &Tick<'_>, order: &EquipmentOrder) -> Result<(), Refusal> {

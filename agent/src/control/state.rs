@@ -10,7 +10,7 @@ use arrayvec::ArrayVec;
 
 use super::authority::Authority;
 use super::controller::Controller;
-use super::equipment::{Equipment, OwedLoads};
+use super::equipment::{Equipment, Owed};
 use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
 use super::motion::{Brake, End, Motion, OwnMotion, Waiting};
@@ -59,7 +59,8 @@ pub struct LoopState {
     /// The chains with their tools.
     #[serde(with = "crate::control::shared")]
     pub(super) equipment: Arc<Equipment>,
-    pub(super) owed_loads: OwedLoads,
+    pub(super) owed_loads: Owed,
+    pub(super) owed_tools: Owed,
     pub(super) values: PendingValues,
 }
 
@@ -167,7 +168,8 @@ impl LoopState {
             own_motion: OwnMotion::default(),
             speed_ratio: 1.0,
             equipment: Arc::clone(&params.equipment),
-            owed_loads: OwedLoads::ALL,
+            owed_loads: Owed::ALL,
+            owed_tools: Owed::ALL,
             values: PendingValues::default(),
         })
     }

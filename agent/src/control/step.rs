@@ -38,7 +38,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
         .controller_request(&tick)
         .or_else(|| state.own_motion_request(&tick))
         .or_else(|| state.value_request(tick.now))
-        .or_else(|| state.load_request(&tick));
+        .or_else(|| state.equipment_request(&tick));
     state.climb(&mut tick);
     state.answer_pending(&mut tick);
     state.answer_values(&mut tick);

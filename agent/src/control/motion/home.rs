@@ -73,7 +73,7 @@ pub(in crate::control) struct OwnMotion {
     pub(super) number: u32,
     /// Whether what is to stop is such a move, after which the robot has to be seen to stand.
     pub(super) is_move: bool,
-    /// Speed ratio that the controller was told last; it begins with 1.
+    /// Speed ratio that the controller was told last, if it was.
     told_ratio: Option<f64>,
 }
 
@@ -328,7 +328,11 @@ impl LoopState {
         let now = tick.now;
         let due =
             |last: Option<MonoTime>| last.is_none_or(|last| now.saturating_since(last) >= REPEAT);
-        self.condition.feedback()?;
+        if self.condition.feedback().is_none() {
+            // It may come back as another run, that was told nothing.
+            self.own_motion.told_ratio = None;
+            return None;
+        }
         if let Some(stopping) = self.own_motion.stopping.as_mut() {
             if !due(stopping.last) {
                 return None;
@@ -342,10 +346,7 @@ impl LoopState {
             Some(Motion { source: Source::Delegated(_), cancelling: false, .. })
         );
         let ratio = self.speed_ratio;
-        if is_own
-            && tick.params.abilities.pause
-            && self.own_motion.told_ratio.unwrap_or(1.0) != ratio
-        {
+        if is_own && tick.params.abilities.pause && self.own_motion.told_ratio != Some(ratio) {
             self.own_motion.told_ratio = Some(ratio);
             return Some(DriverRequest::SetSpeedRatio(ratio));
         }
@@ -354,7 +355,8 @@ impl LoopState {
             self.own_motion.asked = None;
             return None;
         };
-        if !due(self.own_motion.asked) {
+        let tools_first = matches!(request, DriverRequest::Move(_)) && !self.knows_tools();
+        if tools_first || !due(self.own_motion.asked) {
             return None;
         }
         self.own_motion.asked = Some(now);

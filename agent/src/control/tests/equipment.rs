@@ -3,14 +3,16 @@
 use std::sync::Arc;
 
 use armada_model::{JointLimits, JointVector, Pose, RobotModel};
-use armada_protocol::messages::CommandMode;
+use armada_protocol::messages::{CommandMode, LeaseLoss, MotionKind, Queue};
 
 use super::rig::{JOINTS, Rig, joints, params};
 use crate::control::{
-    Equipment, EquipmentOrder, EquippedChain, LoopAbilities, Order, Params, Refusal, Retired,
-    ValueSlot,
+    DelegateOrder, Equipment, EquipmentOrder, EquippedChain, LoopAbilities, Order, Params, Refusal,
+    Retired, ValueSlot,
 };
-use crate::drivers::{DriverRequest, LoadSetting, ReportedTip, TipFrame, Values};
+use crate::drivers::{
+    DelegatedGoal, DelegatedMove, DriverRequest, LoadSetting, ReportedTip, TipFrame, Values,
+};
 
 const URDF: &str = r#"<robot name="arm"><link name="base"/><link name="l1"/><link name="l2"/>
   <link name="l3"/><link name="flange"/>
@@ -81,6 +83,38 @@ fn equipment_is_swapped_at_rest_and_the_controller_is_told_the_load() {
     rig.plant.silent = false;
     rig.ticks(10);
     assert_eq!(told(&rig), [0.0, 2.5, 2.5], "told again after silence");
+}
+
+#[test]
+fn the_controller_knows_the_tool_before_it_moves_it_to_a_pose() {
+    let abilities = LoopAbilities { move_pose: true, load: true, ..LoopAbilities::default() };
+    let tool = |x: f64| {
+        let chain = chain(Pose::from_translation(x, 0.0, 0.1));
+        Arc::new(Equipment { config_seqno: if x > 0.0 { 2 } else { 1 }, chains: vec![chain] })
+    };
+    let mut rig = Rig::with(Params { abilities, equipment: tool(0.0), ..params() });
+    rig.ticks(100);
+    rig.plant.asked.clear();
+    let goal = DelegatedGoal::Pose { chain: 0, pose: Pose::default() };
+    let move_ = DelegatedMove { number: 0, goal, speed: 1.0, blend_radius_m: 0.0, connect: false };
+    assert!(rig.ask(Order::SetMode(CommandMode::Trajectory)).is_ok());
+    // Both in one tick, the tool not yet told.
+    let load = Some((0, LoadSetting::default()));
+    rig.order(Order::SetEquipment(EquipmentOrder { equipment: tool(0.2), replaces: 1, load }));
+    rig.order(Order::Delegate(DelegateOrder {
+        id: uuid::Uuid::from_u128(1),
+        kind: MotionKind::MovePose,
+        order: move_,
+        queue: Queue::Refuse,
+        on_lease_loss: LeaseLoss::StopOnPath,
+    }));
+    rig.ticks(5);
+    let asked = &rig.plant.asked;
+    let place = |of: fn(&DriverRequest) -> bool| asked.iter().position(of).expect("was asked");
+    let told = place(|request| {
+        *request == DriverRequest::SetTool { chain: 0, tool: Pose::from_translation(0.2, 0.0, 0.1) }
+    });
+    assert!(told < place(|request| matches!(request, DriverRequest::Move(_))), "{asked:?}");
 }
 
 #[test]
