@@ -33,7 +33,9 @@ impl Requests {
         asker: Asker,
         params: PrepareParams,
     ) -> Result<Prepared, Denial> {
-        let trajectory = self.compile(&params.trajectory)?;
+        // Alone, a robot at reduced speed would slow a fast trajectory down; its partners would not
+        // wait for it.
+        let trajectory = self.compile(&params.trajectory, &self.limits_of_moves())?;
         let epoch = self.check_ready_to_follow(&asker, &trajectory)?;
         let now = monotonic();
         let motion_id = params.motion_id.unwrap_or_else(Uuid::now_v7);

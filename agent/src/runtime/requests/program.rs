@@ -276,7 +276,7 @@ impl Requests {
     }
 
     /// The limits, reduced where the key switch says so or nobody knows where it stands.
-    fn limits_of_moves(&self) -> MotionLimits {
+    pub(super) fn limits_of_moves(&self) -> MotionLimits {
         let reduced = matches!(
             self.board.lock().snapshot.operational_mode,
             OperationalMode::ManualReducedSpeed | OperationalMode::Undefined

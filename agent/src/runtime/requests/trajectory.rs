@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use armada_model::{
-    CompiledTrajectory, JointTrajectory, Tolerance, TrajectoryContext, TrajectoryOptions,
+    CompiledTrajectory, JointTrajectory, MotionLimits, Tolerance, TrajectoryContext,
+    TrajectoryOptions,
 };
 use armada_protocol::messages::{
     Accepted, CancelParams, Denial, DenialCode, Empty, ExecuteTrajectoryParams, Executor,
@@ -28,7 +29,7 @@ impl Requests {
     ) -> Result<Accepted, Denial> {
         let answering = self.answering(params.wait)?;
         check_lease_loss(params.on_lease_loss)?;
-        let trajectory = self.compile(&params.trajectory)?;
+        let trajectory = self.compile(&params.trajectory, &self.limits)?;
         let id = params.motion_id.unwrap_or_else(Uuid::now_v7);
         let order = FollowOrder {
             id,
@@ -99,11 +100,12 @@ impl Requests {
     pub(super) fn compile(
         &self,
         trajectory: &JointTrajectory,
+        limits: &MotionLimits,
     ) -> Result<Arc<CompiledTrajectory>, Denial> {
         let context = TrajectoryContext {
             joint_order: &self.joint_names,
             joint_types: Some(&self.joint_types),
-            limits: &self.limits,
+            limits,
         };
         let compiled =
             CompiledTrajectory::compile_for(trajectory, &context, &TrajectoryOptions::default())
