@@ -65,7 +65,7 @@ async fn ready(client: &Client) -> CellStatus {
 
 async fn execute(client: &Client, robots: &[&str]) -> Result<Uuid, ClientError> {
     let trajectory = trajectory(robots);
-    let params = CellExecuteTrajectory { motion_id: None, trajectory };
+    let params = CellExecuteTrajectory::new(None, trajectory);
     let accepted = client.call_cell::<cell::ExecuteTrajectory>(params).await?;
     Ok(accepted.motion_id)
 }

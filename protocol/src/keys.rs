@@ -143,6 +143,8 @@ keys! {
     ROBOT_CLOCK = "robots/{robot}/clock", [Queryable], Agent, "ClockSample", Rpc;
     /// Stops every robot; published by any client, taken by every agent and the gateway.
     CELL_STOP = "cell/stop", [Published], Client, "StopRequest", Stop;
+    /// Whether a source of stops is pressed: agents ask it again and again, silence is a press.
+    CELL_STOP_SOURCE = "cell/stop_sources/{source}", [Queryable], Client, "StopChallenge -> StopCheckIn", Stop;
     /// Presence of the gateway.
     CELL_GATEWAY_ALIVE = "cell/gateway/alive", [Liveliness], Gateway, "-", Report;
     /// The robots of the cell and where they stand.
@@ -155,6 +157,12 @@ keys! {
     CELL_EVENTS = "cell/events", [Cached], Gateway, "Event", Report;
     /// Status of a motion of several robots.
     CELL_MOTION = "cell/motions/{id}", [Published Queryable], Gateway, "CellMotionStatus", Progress;
+    /// A robot is ready to start with its partners.
+    GROUP_GO = "cell/groups/{group}/go/{robot}", [Published Subscribed], Agent, "GroupGo", Stop;
+    /// Where a robot is on the common path, every 20 ms, for its partners.
+    GROUP_HEARTBEAT = "cell/groups/{group}/heartbeat/{robot}", [Published Subscribed], Agent, "GroupHeartbeat", Stream;
+    /// A robot stops, and its partners are to do the same.
+    GROUP_ABORT = "cell/groups/{group}/abort/{robot}", [Published Subscribed], Agent, "GroupAbort", Stop;
     /// Requests to the gateway, one query and one answer.
     CELL_RPC = "cell/rpc/{method}", [Queryable], Gateway, "per method", Rpc;
 }
@@ -179,9 +187,10 @@ mod tests {
     }
 
     #[test]
-    fn stop_keys_are_alone_in_their_priority() {
+    fn stops_and_words_of_partners_are_alone_in_their_priority() {
         for key in ALL {
-            let is_stop = key.message.starts_with("Stop");
+            let ends_motion = ["Stop", "GroupGo", "GroupAbort"];
+            let is_stop = ends_motion.iter().any(|kind| key.message.starts_with(kind));
             assert_eq!(key.channel == Channel::Stop, is_stop, "{}", key.pattern);
         }
     }

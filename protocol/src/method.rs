@@ -7,13 +7,16 @@ use serde::de::DeserializeOwned;
 
 use crate::messages::{
     Accepted, AcquireLeaseParams, AttachPayloadParams, AttachToolParams, CancelParams,
-    CellExecuteTrajectory, CellResetAnswer, CellResetParams, CommitParams, DetachParams, Empty,
-    EquipmentAnswer, ExecuteTrajectoryParams, ForwardKinematicsAnswer, ForwardKinematicsParams,
-    HaltAnswer, HomeParams, InverseKinematicsAnswer, InverseKinematicsParams, JogCartesianParams,
+    CellAcquireLeaseParams, CellExecuteTrajectory, CellLeaseParams, CellResetAnswer,
+    CellResetParams, CellSpeedRatioParams, CheckClearanceParams, ClearanceAnswer, CommitParams,
+    DelegateLeaseParams, DetachParams, Empty, EquipmentAnswer, ExecuteTrajectoryParams,
+    ForwardKinematicsAnswer, ForwardKinematicsParams, GroupLease, GroupLeaseReleased, HaltAnswer,
+    HomeParams, InverseKinematicsAnswer, InverseKinematicsParams, JogCartesianParams,
     JogFreespaceParams, JogJointParams, LeaseGrant, LeaseParams, LeaseReleased, ModeAnswer,
     MotionParams, MoveHomeParams, MoveJointParams, MovePoseParams, NameParams, NamedValue,
-    PrepareParams, Prepared, RecordingAnswer, ResetAnswer, ResetParams, SetModeParams,
-    SetValueParams, SpeedRatioAnswer, SpeedRatioParams, StopReport, StopRequest,
+    PrepareParams, Prepared, RecordingAnswer, RenewLeaseParams, ResetAnswer, ResetParams,
+    SetModeParams, SetValueParams, SpeedRatioAnswer, SpeedRatioParams, StopReport, StopRequest,
+    TakeLeaseParams,
 };
 
 /// A method: one query, one answer.
@@ -77,7 +80,11 @@ pub mod robot {
         /// Takes the right to command, if nobody has it.
         AcquireLease = "acquire_lease", 2000, AcquireLeaseParams -> LeaseGrant;
         /// Keeps the right to command.
-        RenewLease = "renew_lease", 2000, LeaseParams -> LeaseGrant;
+        RenewLease = "renew_lease", 2000, RenewLeaseParams -> LeaseGrant;
+        /// Takes the right to command from whoever has it: for a person, with a reason.
+        TakeLease = "take_lease", 2000, TakeLeaseParams -> LeaseGrant;
+        /// Lets somebody else command as well, under the holder's lease.
+        DelegateLease = "delegate_lease", 2000, DelegateLeaseParams -> LeaseGrant;
         /// Gives the right to command back; a motion in progress ends with a ramp.
         ReleaseLease = "release_lease", 2000, LeaseParams -> LeaseReleased;
         /// Changes the command mode; every mode but `halt` is entered from `halt`.
@@ -164,5 +171,19 @@ pub mod cell {
         ExecuteTrajectory = "execute_trajectory", 8000, CellExecuteTrajectory -> Accepted;
         /// Ends a motion of several robots, each with a ramp to standstill.
         Cancel = "cancel", 4000, CancelParams -> Empty;
+        /// Brings a motion of several robots to rest at one phase, until it is resumed.
+        Pause = "pause", 4000, MotionParams -> Empty;
+        /// Goes on with a paused motion of several robots.
+        Resume = "resume", 4000, MotionParams -> Empty;
+        /// Changes the speed of a motion of several robots.
+        SetSpeedRatio = "set_speed_ratio", 4000, CellSpeedRatioParams -> SpeedRatioAnswer;
+        /// Gets the leases of several robots, all or none.
+        AcquireLease = "acquire_lease", 4000, CellAcquireLeaseParams -> GroupLease;
+        /// Keeps the leases of several robots.
+        RenewLease = "renew_lease", 4000, CellLeaseParams -> GroupLease;
+        /// Gives the leases of several robots back.
+        ReleaseLease = "release_lease", 4000, CellLeaseParams -> GroupLeaseReleased;
+        /// How near the robots come to each other on a trajectory.
+        CheckClearance = "check_clearance", 8000, CheckClearanceParams -> ClearanceAnswer;
     }
 }

@@ -65,7 +65,7 @@ golden! {
     "request_cell_execute_trajectory": Request<CellExecuteTrajectory>,
     "request_cell_reset": Request<CellResetParams>,
     "request_acquire_lease": Request<AcquireLeaseParams>,
-    "request_renew_lease": Request<LeaseParams>,
+    "request_renew_lease": Request<RenewLeaseParams>,
     "request_release_lease": Request<LeaseParams>,
     "request_home": Request<HomeParams>,
     "request_jog_joint": Request<JogJointParams>,

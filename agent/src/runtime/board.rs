@@ -8,8 +8,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use armada_model::MonoTime;
 use armada_protocol::messages::{
-    ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, LatchedStop, LoopStatistics,
-    RobotFlags, RobotStatus, StopLatch, StopLevel, StopStage, StreamStatistics,
+    AuthorityState, ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, LatchedStop,
+    LoopStatistics, ResetNeeds, RobotFlags, RobotStatus, StopLatch, StopLevel, StopStage,
+    StreamStatistics,
 };
 use uuid::Uuid;
 
@@ -155,12 +156,16 @@ impl Board {
             flags: snapshot.flags,
             stop: self.stop.as_ref().map(StopRecord::latch),
             faults: self.all_faults(),
+            authority: AuthorityState::Free,
             lease: snapshot.lease.map(|report| self.leases.lease(&report, now)),
             motion: self.motions.current(snapshot.motion.map(|motion| motion.id)).cloned(),
             queued: self.motions.waiting(snapshot.motion.map(|motion| motion.id)),
+            speed_ratio: snapshot.speed_ratio,
             stream: snapshot.stream.map(|stream| statistics(&stream, now)),
             control_loop: self.statistics,
             dropped: self.all_dropped(),
+            stop_sources: Vec::new(),
+            why: Vec::new(),
             next: self.next_steps(),
         }
     }
@@ -249,7 +254,8 @@ impl Board {
 impl StopRecord {
     fn latch(&self) -> StopLatch {
         let stops = self.stops.iter().map(|received| received.stop.clone()).collect();
-        StopLatch { level: self.level, stops, stage: self.stage }
+        let reset = ResetNeeds::default();
+        StopLatch { level: self.level, stops, stage: self.stage, reset }
     }
 }
 
@@ -257,5 +263,6 @@ impl StopRecord {
 fn statistics(stream: &StreamReport, now: MonoTime) -> StreamStatistics {
     let StreamReport { taken, dropped, limited, newest, starved } = *stream;
     let age_ms = now.saturating_since(newest).as_secs_f64() * 1e3;
-    StreamStatistics { taken, dropped, limited, age_ms, starved }
+    let (jitter_ms, loss, allowed) = (0.0, 0.0, 1.0);
+    StreamStatistics { taken, dropped, limited, age_ms, starved, jitter_ms, loss, allowed }
 }

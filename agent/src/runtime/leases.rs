@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use armada_model::MonoTime;
-use armada_protocol::messages::Lease;
+use armada_protocol::messages::{Lease, Role};
 use uuid::Uuid;
 
 use crate::control::{LeaseChange, LeaseReport};
@@ -81,6 +81,9 @@ impl Leases {
             holder: self.name(report.lease).to_owned(),
             remaining_ms: u64::try_from(left).unwrap_or(u64::MAX),
             stale: report.stale,
+            role: Role::Program,
+            reason: None,
+            delegates: Vec::new(),
         }
     }
 }
@@ -105,7 +108,7 @@ mod tests {
         let deadline = now + Duration::from_millis(320);
         let report = LeaseReport { lease, deadline, stale: false };
         let told = leases.lease(&report, now);
-        assert_eq!(told, Lease { holder: "planner".into(), remaining_ms: 320, stale: false });
+        assert_eq!((told.holder.as_str(), told.remaining_ms, told.stale), ("planner", 320, false));
         let stale = leases.lease(&LeaseReport { stale: true, ..report }, now);
         assert_eq!((stale.remaining_ms, stale.stale), (0, true));
     }

@@ -41,8 +41,13 @@ async fn ask<M: Method>(
     }
 }
 
+const fn renewal(grant: &LeaseGrant) -> RenewLeaseParams {
+    RenewLeaseParams { lease: grant.lease, ttl_ms: None }
+}
+
 async fn acquire(bench: &Bench, name: &str, ttl_ms: u64) -> Result<LeaseGrant, Denial> {
-    ask::<AcquireLease>(bench, (name, None), AcquireLeaseParams { ttl_ms }).await
+    ask::<AcquireLease>(bench, (name, None), AcquireLeaseParams { ttl_ms, ..Default::default() })
+        .await
 }
 
 /// Turns the first joint by 0.4 rad in 4 s, from where the arm stands.
@@ -89,7 +94,7 @@ async fn only_the_holder_commands_and_the_others_learn_who_it_is() {
     assert_eq!(refused.details["holder"], "planner-1");
     ask::<SetMode>(&bench, holder, jog).await.expect("the holder may");
     ask::<Halt>(&bench, ("anybody", None), Empty {}).await.expect("a halt needs no lease");
-    let renewed = ask::<RenewLease>(&bench, holder, LeaseParams { lease: grant.lease }).await;
+    let renewed = ask::<RenewLease>(&bench, holder, renewal(&grant)).await;
     assert_eq!(renewed.expect("held").ttl_ms, 60_000);
     let released = ask::<ReleaseLease>(&bench, holder, LeaseParams { lease: grant.lease }).await;
     assert!(released.expect("held").epoch > grant.epoch);
@@ -105,7 +110,7 @@ async fn a_motion_ends_when_its_holder_does_not_renew() {
     let holder = ("planner", Some(grant.lease));
     let mode = SetModeParams { mode: CommandMode::Trajectory };
     ask::<SetMode>(&bench, holder, mode).await.expect("the holder may");
-    ask::<RenewLease>(&bench, holder, LeaseParams { lease: grant.lease }).await.expect("held");
+    ask::<RenewLease>(&bench, holder, renewal(&grant)).await.expect("held");
     let params = ExecuteTrajectoryParams::at_once(None, slow_turn(&bench).await);
     let accepted = ask::<ExecuteTrajectory>(&bench, holder, params).await.expect("accepted");
     let end = bench.motion_end(accepted.motion_id).await;
@@ -124,15 +129,19 @@ async fn prepare_and_commit_go_on_while_nobody_holds_a_lease_and_need_it_otherwi
     let nobody = ("gateway", None);
     let mode = SetModeParams { mode: CommandMode::Trajectory };
     ask::<SetMode>(&bench, nobody, mode).await.expect("nobody holds one");
-    let params = PrepareParams { motion_id: None, trajectory: slow_turn(&bench).await };
+    let params = PrepareParams::alone(None, slow_turn(&bench).await);
     let prepared = ask::<Prepare>(&bench, nobody, params.clone()).await.expect("prepared");
     let grant = acquire(&bench, "planner", 60_000).await.expect("free");
     bench.status_when(|status| status.lease.is_some()).await;
     let refused = ask::<Prepare>(&bench, nobody, params).await.expect_err("held");
     assert_eq!(refused.code, DenialCode::LeaseRequired, "{refused}");
     let boot_id = bench.status_when(|_| true).await.boot_id;
-    let commit =
-        CommitParams { motion_id: prepared.motion_id, boot_id, start_ns: Default::default() };
+    let commit = CommitParams {
+        motion_id: prepared.motion_id,
+        boot_id,
+        start_ns: Default::default(),
+        rate_slope_s: None,
+    };
     let holder = ("planner", Some(grant.lease));
     let refused = ask::<Commit>(&bench, holder, commit).await.expect_err("of an epoch before");
     assert_eq!(refused.code, DenialCode::LeaseStale, "{refused}");

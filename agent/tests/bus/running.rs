@@ -53,7 +53,7 @@ fn follow(trajectory: JointTrajectory) -> ExecuteTrajectoryParams {
 }
 
 fn prepare(trajectory: JointTrajectory) -> PrepareParams {
-    PrepareParams { motion_id: None, trajectory }
+    PrepareParams::alone(None, trajectory)
 }
 
 async fn set_mode(bench: &Bench, mode: CommandMode) -> ModeAnswer {
@@ -179,11 +179,11 @@ async fn a_stop_latches_with_its_ladder_until_every_stop_is_listed_in_the_reset(
     let refused =
         denial(client.call::<SetMode>(robot, SetModeParams { mode: CommandMode::Jog }).await);
     assert_eq!(refused.code, DenialCode::Stopped);
-    let incomplete = ResetParams { stop_ids: Vec::new() };
+    let incomplete = ResetParams::default();
     let refused = denial(client.call::<Reset>(robot, incomplete).await);
     assert_eq!(refused.code, DenialCode::InvalidArgument);
     let before = bench.status_when(|s| s.stop.is_some()).await;
-    let listed = ResetParams { stop_ids: vec![request.stop_id] };
+    let listed = ResetParams { stop_ids: vec![request.stop_id], ..Default::default() };
     let answer = client.call::<Reset>(robot, listed).await.expect("reset");
     assert_eq!(answer.cleared, [request.stop_id]);
     let after = bench.status_when(|s| s.stop.is_none()).await;
@@ -227,8 +227,12 @@ async fn a_prepared_motion_starts_at_its_instant_and_dies_with_its_epoch() {
         client.call::<Prepare>(robot, prepare(turn(0.0, 0.1, 0.5))).await.expect("prepared");
     let clock = client.robot_clock(robot).await.expect("clock");
     let start = clock.stamp_ns + Duration::from_millis(200);
-    let commit =
-        CommitParams { motion_id: prepared.motion_id, boot_id: clock.boot_id, start_ns: start };
+    let commit = CommitParams {
+        motion_id: prepared.motion_id,
+        boot_id: clock.boot_id,
+        start_ns: start,
+        rate_slope_s: None,
+    };
     client.call::<Commit>(robot, commit).await.expect("committed");
     let end = bench.motion_end(prepared.motion_id).await;
     assert_eq!(end.status, ActionStatus::Complete, "{:?}", end.reason);

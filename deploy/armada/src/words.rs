@@ -127,7 +127,7 @@ pub(crate) fn speed(twist: Option<&Twist>) -> String {
 
 /// What a stream of commands does: `stream: 500 taken, 2 dropped, newest 4 ms old`.
 pub(crate) fn stream(stream: &StreamStatistics) -> String {
-    let StreamStatistics { taken, dropped, limited, age_ms, starved } = *stream;
+    let StreamStatistics { taken, dropped, limited, age_ms, starved, .. } = *stream;
     let limited = if limited > 0 { format!(", {limited} limited") } else { String::new() };
     let starved = if starved { ", STARVED: the robot comes to rest" } else { "" };
     format!("stream: {taken} taken, {dropped} dropped{limited}, newest {age_ms:.0} ms old{starved}")
@@ -271,8 +271,16 @@ mod tests {
 
     #[test]
     fn a_starved_stream_is_told_as_such() {
-        let stream_of =
-            |starved| StreamStatistics { taken: 9, dropped: 1, limited: 0, age_ms: 4.4, starved };
+        let stream_of = |starved| StreamStatistics {
+            taken: 9,
+            dropped: 1,
+            limited: 0,
+            age_ms: 4.4,
+            starved,
+            jitter_ms: 0.4,
+            loss: 0.0,
+            allowed: 1.0,
+        };
         assert_eq!(stream(&stream_of(false)), "stream: 9 taken, 1 dropped, newest 4 ms old");
         assert!(stream(&stream_of(true)).ends_with("STARVED: the robot comes to rest"));
     }

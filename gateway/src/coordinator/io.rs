@@ -5,7 +5,7 @@ use armada_protocol::RobotName;
 use armada_protocol::messages::{
     Accepted, CellMotionStatus, CellResetAnswer, CellStatus, ClockSample, CommandMode,
     CommitParams, Denial, Event, ModeAnswer, MotionStatus, PrepareParams, Prepared, ResetAnswer,
-    RobotInfo, RobotState, RobotStatus, StopAck, StopReport, StopRequest,
+    ResetParams, RobotInfo, RobotState, RobotStatus, StopAck, StopReport, StopRequest,
 };
 use std::time::Duration;
 use uuid::Uuid;
@@ -124,7 +124,7 @@ pub enum AgentCall {
     /// Stop.
     Stop(StopRequest),
     /// Clear these stops.
-    Reset(Vec<Uuid>),
+    Reset(Box<ResetParams>),
 }
 
 /// What an agent answers, in the order of [`AgentCall`].

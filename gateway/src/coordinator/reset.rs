@@ -81,14 +81,12 @@ impl ResetOperation {
         }
         match result {
             Ok(AgentAnswer::Status(status)) => {
-                let stops = status.stop.map(|latch| latch.stops).unwrap_or_default();
-                let ids: Vec<_> = stops.iter().map(|stop| stop.stop_id).collect();
-                if ids.is_empty() {
+                let Some(latch) = status.stop else {
                     self.waiting.remove(robot);
-                    self.answer.reset.push((robot.clone(), ids));
-                } else {
-                    self.ask(robot, AgentCall::Reset(ids), RESET_TIMEOUT, outbox);
-                }
+                    return self.answer.reset.push((robot.clone(), Vec::new()));
+                };
+                let params = Box::new(latch.reset_params());
+                self.ask(robot, AgentCall::Reset(params), RESET_TIMEOUT, outbox);
             }
             Ok(AgentAnswer::Reset(answer)) => {
                 self.waiting.remove(robot);

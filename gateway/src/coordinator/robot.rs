@@ -142,7 +142,12 @@ impl RobotRecord {
             // What keeps a robot from moving is shown even when its agent is gone.
             stop: status.and_then(|status| status.stop.clone()),
             faults: status.map(|status| status.faults.clone()).unwrap_or_default(),
+            authority: present.map(|status| status.authority),
             lease: present.and_then(|status| status.lease.clone()),
+            why: status.map(|status| status.why.clone()).unwrap_or_default(),
+            queued: present
+                .map_or(0, |status| u32::try_from(status.queued.len()).unwrap_or(u32::MAX)),
+            speed_ratio: present.map(|status| status.speed_ratio),
             tcp: self.state.as_ref().map(|state| state.tcp.clone()).unwrap_or_default(),
             state_age_ms: self
                 .state

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
-use armada_protocol::messages::{CancelParams, Denial, DenialCode, ResetParams, SetModeParams};
+use armada_protocol::messages::{CancelParams, Denial, DenialCode, SetModeParams};
 use armada_protocol::method::robot;
 use uuid::Uuid;
 use zenoh::Session;
@@ -71,8 +71,8 @@ async fn answer(
         AgentCall::Stop(request) => {
             AgentAnswer::Stop(client.stop_robot(robot, &request, timeout).await?)
         }
-        AgentCall::Reset(stop_ids) => {
-            AgentAnswer::Reset(client.call::<robot::Reset>(robot, ResetParams { stop_ids }).await?)
+        AgentCall::Reset(params) => {
+            AgentAnswer::Reset(client.call::<robot::Reset>(robot, *params).await?)
         }
     })
 }

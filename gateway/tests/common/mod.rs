@@ -241,7 +241,8 @@ impl Shared {
     fn stopped(&self, request: &StopRequest, stage: StopStage) -> StopAck {
         let StopRequest { stop_id, source, level, reason, .. } = request.clone();
         let stop = armada_protocol::messages::LatchedStop { stop_id, source, level, reason };
-        locked(&self.status).stop = Some(StopLatch { level, stops: vec![stop], stage });
+        locked(&self.status).stop =
+            Some(StopLatch { level, stops: vec![stop], stage, reset: Default::default() });
         StopAck {
             stop_id,
             robot: self.robot.clone(),
@@ -277,7 +278,13 @@ impl Handler for Shared {
                 call.run::<robot::Prepare, _, _>(async |request| {
                     let motion_id = request.params.motion_id.expect("given");
                     assert_eq!(request.params.trajectory.joint_names, JOINTS);
-                    Ok(Prepared { motion_id, duration_s: 1.0, epoch: 1, ttl_ms: 5_000 })
+                    Ok(Prepared {
+                        motion_id,
+                        duration_s: 1.0,
+                        epoch: 1,
+                        ttl_ms: 5_000,
+                        group: None,
+                    })
                 })
                 .await
             }

@@ -9,7 +9,7 @@ use uuid::Uuid;
 
 use super::{Client, ClientError, now};
 use crate::RobotName;
-use crate::messages::{AcquireLeaseParams, LeaseGrant, LeaseParams};
+use crate::messages::{AcquireLeaseParams, LeaseGrant, LeaseParams, RenewLeaseParams};
 use crate::method::robot::{AcquireLease, ReleaseLease, RenewLease};
 
 /// A lease is renewed so many times while it lasts.
@@ -50,7 +50,9 @@ impl Client {
         let ttl_ms = u64::try_from(ttl.as_millis()).unwrap_or(u64::MAX);
         // It lasts from its grant on, which is later than this.
         let asked = now();
-        let grant = self.call::<AcquireLease>(robot, AcquireLeaseParams { ttl_ms }).await?;
+        let grant = self
+            .call::<AcquireLease>(robot, AcquireLeaseParams { ttl_ms, ..Default::default() })
+            .await?;
         let (told, state) = watch::channel(KeptLease { epoch: grant.epoch, lost: false });
         let (end, ended) = oneshot::channel();
         let keeping = Keeping {
@@ -141,7 +143,7 @@ impl Keeping {
     }
 
     async fn renew(&self, patience: Duration) -> Result<LeaseGrant, ClientError> {
-        let params = LeaseParams { lease: self.lease };
+        let params = RenewLeaseParams { lease: self.lease, ttl_ms: None };
         self.client.call_within::<RenewLease>(&self.robot, params, patience).await
     }
 

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use super::{
-    ActionStatus, CommandMode, ControllerState, Denial, Fault, Lease, LoopStatistics, StopLatch,
-    TcpState,
+    ActionStatus, AuthorityState, CommandMode, ControllerState, Coupling, Denial, Fault, Lease,
+    LoopStatistics, StopLatch, TcpState, Why,
 };
 use crate::RobotName;
 
@@ -120,8 +120,16 @@ pub struct CellRobotStatus {
     pub stop: Option<StopLatch>,
     /// Latched faults.
     pub faults: Vec<Fault>,
+    /// Where the right to command is; null if not known.
+    pub authority: Option<AuthorityState>,
     /// Who may command.
     pub lease: Option<Lease>,
+    /// Why it does not move, or for whom it does.
+    pub why: Vec<Why>,
+    /// Motions that wait behind the one in progress.
+    pub queued: u32,
+    /// Speed of all its motions, 0.01 to 1; null if not known.
+    pub speed_ratio: Option<f64>,
     /// Poses of the tips, in each chain's base.
     pub tcp: Vec<TcpState>,
     /// Age of the newest state when this was written \[ms\]; null if there is none.
@@ -160,6 +168,16 @@ pub struct CellMotionStatus {
     pub parts: BTreeMap<RobotName, PartStatus>,
     /// Largest difference between the parts' measured starts \[ms\]; null before all have started.
     pub start_skew_ms: Option<f64>,
+    /// How closely the robots are tied together.
+    #[serde(default)]
+    pub coupling: Coupling,
+    /// Largest difference of phase between two robots at the same time so far \[ms\]; null before
+    /// it was measured.
+    #[serde(default)]
+    pub max_divergence_ms: Option<f64>,
+    /// How far a joint may move at most if the last word before the start is lost \[rad or m\].
+    #[serde(default)]
+    pub start_travel: Option<f64>,
 }
 
 /// One robot's part of a [`CellMotionStatus`].

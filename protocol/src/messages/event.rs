@@ -65,8 +65,12 @@ pub enum EventKind {
     Stop,
     /// A latched stop was reset.
     Reset,
-    /// A lease was granted, released or ran out.
+    /// A lease was granted, taken, delegated, released or ran out.
     Lease,
+    /// A motion of several robots: ready, aborted, a partner lost.
+    Group,
+    /// A source of stops was heard, pressed, released or lost.
+    StopSource,
     /// A tool or payload was attached or detached.
     EquipmentChanged,
     /// A signal or parameter was set.

@@ -9,6 +9,7 @@ mod clock;
 mod denial;
 mod equipment;
 mod event;
+mod group;
 mod info;
 mod jog;
 mod mode;
@@ -21,7 +22,11 @@ mod status;
 mod stop;
 mod stream;
 
-pub use authority::{AcquireLeaseParams, LeaseGrant, LeaseParams, LeaseReleased};
+pub use authority::{
+    AcquireLeaseParams, AuthorityState, CellAcquireLeaseParams, CellLeaseParams,
+    DelegateLeaseParams, GroupLease, GroupLeaseReleased, LeaseGrant, LeaseParams, LeaseReleased,
+    LeaseScope, RenewLeaseParams, Role, TakeLeaseParams,
+};
 pub use cell::{
     CellFrames, CellInfo, CellMotionStatus, CellRobot, CellRobotStatus, CellStatus, CellVerdict,
     Mount, PartStatus, Presence,
@@ -33,6 +38,10 @@ pub use equipment::{
     EquipmentAnswer, Inertia, PayloadInfo, ToolInfo, ToolType,
 };
 pub use event::{Event, EventKind, Severity};
+pub use group::{
+    CellSpeedRatioParams, CheckClearanceParams, ClearanceAnswer, Coupling, GroupAbort, GroupGo,
+    GroupHeartbeat, GroupParams, GroupQuality, GroupReadiness, GroupState,
+};
 pub use info::{Capability, ChainInfo, JointInfo, ReducedLimits, RobotInfo};
 pub use jog::{ChainTwist, HomeMethod, HomeParams, JogCartesianParams, JogFrame, JogJointParams};
 pub use mode::{CommandMode, ControllerState, OperationalMode, RobotFlags};
@@ -53,10 +62,11 @@ pub use signal::{
 };
 pub use state::{JointState, RobotState, TcpState};
 pub use status::{
-    ClearBy, Fault, FaultCode, Lease, LoopStatistics, RobotStatus, SchedulingPolicy, StopLatch,
-    StreamStatistics,
+    ClearBy, Delegate, Fault, FaultCode, Lease, LoopStatistics, RobotStatus, SchedulingPolicy,
+    StopLatch, StreamStatistics, Why, WhyCode,
 };
 pub use stop::{
-    LatchedStop, StopAck, StopLevel, StopReport, StopRequest, StopScope, StopStage, StopVerdict,
+    LatchedStop, ResetNeeds, ResetZone, StopAck, StopChallenge, StopCheckIn, StopLevel, StopReport,
+    StopRequest, StopScope, StopSourceStatus, StopStage, StopVerdict,
 };
 pub use stream::{JointCommand, StreamCommand, StreamHeader, StreamTwist};

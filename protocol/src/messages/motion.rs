@@ -4,7 +4,7 @@ use armada_model::MonoTime;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use super::Denial;
+use super::{Denial, GroupQuality};
 use crate::RobotName;
 
 /// Where a motion stands; exactly one of the terminal ones is reached, once.
@@ -122,4 +122,7 @@ pub struct MotionStatus {
     pub waypoint: u32,
     /// Number of waypoints; 0 for a jog.
     pub waypoint_count: u32,
+    /// How well it kept together with its partners, if it has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<GroupQuality>,
 }

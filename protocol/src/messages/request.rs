@@ -1,10 +1,12 @@
 //! Requests and answers of the methods under `rpc/`.
 
+use std::collections::BTreeMap;
+
 use armada_model::{JointTrajectory, JointVector, MonoTime};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use super::{ActionStatus, CommandMode};
+use super::{ActionStatus, CommandMode, Coupling, GroupParams, GroupReadiness};
 use crate::RobotName;
 
 /// Envelope of every request.
@@ -128,6 +130,20 @@ pub struct PrepareParams {
     pub motion_id: Option<Uuid>,
     /// The trajectory; it names every joint of the robot.
     pub trajectory: JointTrajectory,
+    /// With whom it is to be followed; alone, at an instant, if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<GroupParams>,
+    /// What to do if the lease is lost on the way.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub on_lease_loss: LeaseLoss,
+}
+
+impl PrepareParams {
+    /// A trajectory that is followed alone, at an instant.
+    #[must_use]
+    pub const fn alone(motion_id: Option<Uuid>, trajectory: JointTrajectory) -> Self {
+        Self { motion_id, trajectory, group: None, on_lease_loss: LeaseLoss::StopOnPath }
+    }
 }
 
 /// What becomes of a trajectory that comes while another is in progress.
@@ -185,10 +201,13 @@ pub struct Prepared {
     pub epoch: u64,
     /// How long it is kept \[ms\].
     pub ttl_ms: u64,
+    /// What the others need to know of it, if it is to be followed with others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<GroupReadiness>,
 }
 
 /// Parameters of `commit`: start a prepared motion at an instant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommitParams {
     /// Which motion.
@@ -197,6 +216,9 @@ pub struct CommitParams {
     pub boot_id: Uuid,
     /// Start, agent's monotonic clock \[ns\].
     pub start_ns: MonoTime,
+    /// Fastest change of the rate of all robots \[1/s\]: the lowest of what they answered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_slope_s: Option<f64>,
 }
 
 /// Parameters of `cancel` and `abort`: end a motion with a ramp to standstill.
@@ -213,6 +235,11 @@ pub struct CancelParams {
 pub struct ResetParams {
     /// The stops to clear; it must list every latched one.
     pub stop_ids: Vec<Uuid>,
+    /// The number that the robot's status asks for in [`ResetNeeds`](super::ResetNeeds).
+    pub nonce: Uuid,
+    /// Signature with the reset key, in hexadecimal, if the robot asks for one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub signature: Option<String>,
 }
 
 /// Answer of an agent's `reset`: nothing moves and nothing is enabled by it.
@@ -233,6 +260,33 @@ pub struct CellExecuteTrajectory {
     pub motion_id: Option<Uuid>,
     /// Joints are named `robot/joint`; every joint of each robot that takes part is named.
     pub trajectory: JointTrajectory,
+    /// How closely the robots are tied together.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub coupling: Coupling,
+    /// The lease of each robot that somebody holds one of.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub leases: BTreeMap<RobotName, Uuid>,
+    /// What the whole does if a lease is lost on the way.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub on_lease_loss: LeaseLoss,
+    /// Revision of each robot's tools and payloads that it was made for; any if left out.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub model_revs: BTreeMap<RobotName, u64>,
+}
+
+impl CellExecuteTrajectory {
+    /// The trajectory under no lease, coupled as it is by default.
+    #[must_use]
+    pub fn new(motion_id: Option<Uuid>, trajectory: JointTrajectory) -> Self {
+        Self {
+            motion_id,
+            trajectory,
+            coupling: Coupling::default(),
+            leases: BTreeMap::new(),
+            on_lease_loss: LeaseLoss::StopOnPath,
+            model_revs: BTreeMap::new(),
+        }
+    }
 }
 
 /// Parameters of the cell's `reset`.
@@ -242,6 +296,9 @@ pub struct CellResetParams {
     /// Which robots; all if empty.
     #[serde(default)]
     pub robots: Vec<RobotName>,
+    /// Signed resets of the robots that ask for a signature; the others are reset by the gateway.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub signed: BTreeMap<RobotName, ResetParams>,
 }
 
 /// Answer of the cell's `reset`.

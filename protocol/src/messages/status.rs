@@ -4,7 +4,10 @@ use armada_model::MonoTime;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use super::{CommandMode, ControllerState, LatchedStop, MotionStatus, OperationalMode, RobotFlags};
+use super::{
+    AuthorityState, CommandMode, ControllerState, LatchedStop, LeaseScope, MotionStatus,
+    OperationalMode, ResetNeeds, ResetParams, RobotFlags, Role, StopSourceStatus,
+};
 use crate::RobotName;
 
 /// Condition of a robot, published on change and once a second.
@@ -32,20 +35,75 @@ pub struct RobotStatus {
     pub stop: Option<StopLatch>,
     /// Latched faults, oldest first.
     pub faults: Vec<Fault>,
+    /// Where the right to command is.
+    pub authority: AuthorityState,
     /// Who may command; null while nobody holds a lease.
     pub lease: Option<Lease>,
     /// The motion in progress or waiting for its start.
     pub motion: Option<MotionStatus>,
     /// Motions that wait behind it, in their order.
     pub queued: Vec<Uuid>,
+    /// Speed of all motions, 0.01 to 1.
+    pub speed_ratio: f64,
     /// The stream of commands, while one is in progress.
     pub stream: Option<StreamStatistics>,
     /// Timing of the control loop.
     pub control_loop: LoopStatistics,
     /// Messages that were dropped or refused since the start, by reason.
     pub dropped: Vec<(String, u64)>,
+    /// Sources of stops elsewhere that have to check in.
+    pub stop_sources: Vec<StopSourceStatus>,
+    /// Why it does not move, or for whom it does: the most important first.
+    pub why: Vec<Why>,
     /// What may be done next, in words for a person.
     pub next: Vec<String>,
+}
+
+/// One reason why a robot is as it is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Why {
+    /// What kind.
+    pub code: WhyCode,
+    /// The same for a person, with who, what and numbers.
+    pub message: String,
+    /// Who is behind it, if that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub who: Option<String>,
+    /// Since when, agent's monotonic clock \[ns\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub since_ns: Option<MonoTime>,
+}
+
+/// Kind of a [`Why`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WhyCode {
+    /// The controller does not answer.
+    NotConnected,
+    /// A stop is latched.
+    Stopped,
+    /// A source of stops is pressed or silent.
+    StopSource,
+    /// A fault is latched.
+    Faulted,
+    /// A person at the controller has it.
+    Local,
+    /// The drives are off.
+    DrivesOff,
+    /// Somebody holds a lease.
+    DrivenBy,
+    /// A lease has run out.
+    LeaseStale,
+    /// A motion is in progress.
+    Moving,
+    /// A motion is paused, or waits for its partners.
+    Waiting,
+    /// A stream is starved, slowed or refused because of its link.
+    DegradedLink,
+    /// Its mode is `halt`: nothing is asked of it.
+    Halted,
+    /// Nothing keeps it from moving.
+    Ready,
 }
 
 /// A stop in force: no motion before a reset.
@@ -57,6 +115,20 @@ pub struct StopLatch {
     pub stops: Vec<LatchedStop>,
     /// How far the robot has come.
     pub stage: super::StopStage,
+    /// What a reset needs.
+    pub reset: ResetNeeds,
+}
+
+impl StopLatch {
+    /// The reset of all these stops, not signed.
+    #[must_use]
+    pub fn reset_params(&self) -> ResetParams {
+        ResetParams {
+            stop_ids: self.stops.iter().map(|stop| stop.stop_id).collect(),
+            nonce: self.reset.nonce,
+            signature: None,
+        }
+    }
 }
 
 /// Who may command a robot, and for how long.
@@ -64,10 +136,30 @@ pub struct StopLatch {
 pub struct Lease {
     /// Name of the holder.
     pub holder: String,
+    /// As what it commands.
+    #[serde(default)]
+    pub role: Role,
+    /// Why it took the lease from somebody else, if it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
     /// Time left \[ms\]; 0 once it has run out.
     pub remaining_ms: u64,
     /// Whether it has run out: the holder may still renew it, anybody may acquire one.
     pub stale: bool,
+    /// Whom the holder lets command as well.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub delegates: Vec<Delegate>,
+}
+
+/// Somebody whom the holder of a lease lets command as well.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Delegate {
+    /// Name of the client.
+    pub holder: String,
+    /// What it has the right to.
+    pub scope: LeaseScope,
+    /// Time left \[ms\].
+    pub remaining_ms: u64,
 }
 
 /// How a stream of commands comes in.
@@ -84,6 +176,15 @@ pub struct StreamStatistics {
     pub age_ms: f64,
     /// Whether the robot decelerates or stands because samples stay away.
     pub starved: bool,
+    /// Variation of the time between samples, over about the last second \[ms\].
+    #[serde(default)]
+    pub jitter_ms: f64,
+    /// Share of the samples that did not come or came too late, over about the last second.
+    #[serde(default)]
+    pub loss: f64,
+    /// Highest rate that the link allows: 1 as asked, less when it is slowed, 0 when refused.
+    #[serde(default)]
+    pub allowed: f64,
 }
 
 /// A latched fault; it stays until `reset_errors` when its cause is gone.

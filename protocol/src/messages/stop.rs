@@ -125,3 +125,72 @@ pub enum StopVerdict {
     /// At least one is not known to stand still: go and look.
     Incomplete,
 }
+
+/// Who has to see to it before a robot's stop is reset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ResetZone {
+    /// Nobody has to be at the arm.
+    #[default]
+    Remote,
+    /// Somebody acknowledges at the arm first.
+    Manual,
+}
+
+/// What a reset of a latched stop needs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ResetNeeds {
+    /// To be returned in the reset; a new one after every stop and every attempt.
+    pub nonce: Uuid,
+    /// Whether the reset has to be signed.
+    pub signed: bool,
+    /// Who has to see to it.
+    pub zone: ResetZone,
+    /// Whether that was acknowledged at the arm; true if nobody has to.
+    pub acknowledged: bool,
+}
+
+impl Default for ResetNeeds {
+    /// Nothing but the list of stops and a nonce of zeros.
+    fn default() -> Self {
+        let (nonce, zone) = (Uuid::nil(), ResetZone::Remote);
+        Self { nonce, signed: false, zone, acknowledged: true }
+    }
+}
+
+/// A source of stops elsewhere that has to check in, as a robot knows it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StopSourceStatus {
+    /// Name of the source.
+    pub source: String,
+    /// Whether it is pressed; true as well while it is not heard.
+    pub pressed: bool,
+    /// Time since its last check-in \[ms\]; null if it has never been heard.
+    pub age_ms: Option<f64>,
+}
+
+/// What an agent asks a source of stops, with a number that nobody can guess.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StopChallenge {
+    /// Who asks.
+    pub robot: RobotName,
+    /// To be returned.
+    pub nonce: Uuid,
+}
+
+/// What a source of stops answers: made from its real input for every challenge, never by a
+/// wrapper that knows no input.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StopCheckIn {
+    /// Name of the source.
+    pub source: String,
+    /// Number of the challenge.
+    pub nonce: Uuid,
+    /// Whether it is pressed.
+    pub pressed: bool,
+    /// Signature of the rest with the key of the cell, if it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub signature: Option<String>,
+}

@@ -7,6 +7,7 @@ use armada_protocol::messages::{Denial, DenialCode};
 use armada_protocol::method;
 use armada_tests::{Cell, CellOptions, DEADLINE, is_running, wait_for};
 use zenoh::bytes::Encoding;
+use zenoh::qos::CongestionControl;
 
 /// Payloads that are no message of any kind, with the encodings they claim to be in.
 fn garbage() -> Vec<(Vec<u8>, Encoding)> {
@@ -51,7 +52,9 @@ async fn garbage_on_every_key_kills_nobody_and_is_denied_or_counted() -> Result<
     let processes = cell.processes()?;
     for key in concrete_keys() {
         for (payload, encoding) in garbage() {
-            client.session().put(&key, payload).encoding(encoding).await.expect("is sent");
+            // Two megabytes on each key fill the link, and what may be dropped then would be.
+            let put = client.session().put(&key, payload).encoding(encoding);
+            put.congestion_control(CongestionControl::Block).await.expect("is sent");
         }
     }
     for pid in &processes {

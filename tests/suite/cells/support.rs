@@ -44,7 +44,7 @@ pub(crate) fn both_arms(angle_rad: f64, duration_s: f64) -> JointTrajectory {
 
 /// Starts a motion of several robots.
 pub(crate) async fn execute(client: &Client, trajectory: JointTrajectory) -> Result<Accepted> {
-    let params = CellExecuteTrajectory { motion_id: None, trajectory };
+    let params = CellExecuteTrajectory::new(None, trajectory);
     Ok(client.call_cell::<ExecuteTrajectory>(params).await?)
 }
 

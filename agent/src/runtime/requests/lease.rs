@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use armada_protocol::messages::{
-    AcquireLeaseParams, Denial, DenialCode, LeaseGrant, LeaseParams, LeaseReleased,
+    AcquireLeaseParams, DelegateLeaseParams, Denial, DenialCode, LeaseGrant, LeaseParams,
+    LeaseReleased, RenewLeaseParams, TakeLeaseParams,
 };
 use armada_protocol::method::{Method, robot};
 use uuid::Uuid;
@@ -46,7 +47,7 @@ impl Requests {
     pub(super) async fn renew_lease(
         &self,
         asker: Asker,
-        params: LeaseParams,
+        params: RenewLeaseParams,
     ) -> Result<LeaseGrant, Denial> {
         let lease = params.lease;
         let ttl_ms = self.board.lock().leases.ttl_ms(lease);
@@ -63,6 +64,26 @@ impl Requests {
         let order = Order::ReleaseLease(params.lease);
         let Granted { epoch, .. } = self.ask(&asker, order, LOOP_PATIENCE).await?;
         Ok(LeaseReleased { epoch })
+    }
+}
+
+impl Requests {
+    #[expect(clippy::unused_async, reason = "one form for all methods")]
+    pub(super) async fn take_lease(
+        &self,
+        _: Asker,
+        _: TakeLeaseParams,
+    ) -> Result<LeaseGrant, Denial> {
+        Err(Denial::new(DenialCode::NotSupported, "take_lease is not supported yet"))
+    }
+
+    #[expect(clippy::unused_async, reason = "one form for all methods")]
+    pub(super) async fn delegate_lease(
+        &self,
+        _: Asker,
+        _: DelegateLeaseParams,
+    ) -> Result<LeaseGrant, Denial> {
+        Err(Denial::new(DenialCode::NotSupported, "delegate_lease is not supported yet"))
     }
 }
 

@@ -135,6 +135,8 @@ impl Requests {
             AcquireLease => acquire_lease,
             RenewLease => renew_lease,
             ReleaseLease => release_lease,
+            TakeLease => take_lease,
+            DelegateLease => delegate_lease,
             SetMode => set_mode,
             Halt => halt_by,
             Enable => enable,
@@ -227,6 +229,7 @@ impl Requests {
             duration_s: motion.duration_s,
             waypoint: 0,
             waypoint_count: motion.waypoint_count,
+            group: None,
         };
         board.motions.begin(queued(status));
         Ok(())

@@ -52,7 +52,7 @@ impl Requests {
         prepared
             .insert(motion_id, PreparedMotion { trajectory, epoch, expires: now + PREPARED_TTL });
         let ttl_ms = u64::try_from(PREPARED_TTL.as_millis()).unwrap_or(u64::MAX);
-        Ok(Prepared { motion_id, duration_s, epoch, ttl_ms })
+        Ok(Prepared { motion_id, duration_s, epoch, ttl_ms, group: None })
     }
 
     pub(super) async fn commit(

@@ -59,8 +59,7 @@ pub(super) async fn measure(args: AcceptArgs) -> anyhow::Result<Report> {
     let arm = Arm::start(&controller).await?;
     machine.scheduled("armada", &arm.agent.ready.scheduling);
     let from = arm.position().await?;
-    let params =
-        PrepareParams { motion_id: None, trajectory: long_swing(from, from, args.waypoints) };
+    let params = PrepareParams::alone(None, long_swing(from, from, args.waypoints));
     let payload = WireEncoding::Json.encode(&Request::new("bench", params.clone()))?;
     let endpoint = free_endpoint()?;
     let part = Part::RawReply { endpoint: endpoint.clone(), bytes: ANSWER_BYTES };

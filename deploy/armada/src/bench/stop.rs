@@ -9,9 +9,7 @@ use armada_protocol::RobotName;
 use armada_protocol::client::Client;
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::keys;
-use armada_protocol::messages::{
-    ResetParams, StopAck, StopLevel, StopRequest, StopScope, StopStage,
-};
+use armada_protocol::messages::{StopAck, StopLevel, StopRequest, StopScope, StopStage};
 use armada_protocol::method::robot::Reset;
 use armada_protocol::qos::Channel;
 use clap::Args;
@@ -131,8 +129,9 @@ impl Bench {
             times.raw.push(self.query(payload).await?);
         }
         for arm in &self.arms {
-            let params = ResetParams { stop_ids: vec![request.stop_id] };
-            arm.client.call::<Reset>(&arm.name, params).await?;
+            if let Some(latch) = arm.client.robot_status(&arm.name).await?.stop {
+                arm.client.call::<Reset>(&arm.name, latch.reset_params()).await?;
+            }
         }
         Ok(())
     }

@@ -5,7 +5,9 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
-use armada_protocol::messages::{AcquireLeaseParams, Lease, LeaseGrant, LeaseParams};
+use armada_protocol::messages::{
+    AcquireLeaseParams, Lease, LeaseGrant, LeaseParams, RenewLeaseParams,
+};
 use armada_protocol::method::robot::{AcquireLease, ReleaseLease, RenewLease};
 use clap::{Args, Subcommand};
 use serde_json::{Map, Value};
@@ -122,7 +124,9 @@ async fn hold(args: HoldArgs) -> anyhow::Result<Exit> {
     let mut signals = Signals::new()?;
     let ttl_ms = u64::try_from(args.ttl.as_millis()).unwrap_or(u64::MAX);
     let asked = clock::now();
-    let grant = client.call::<AcquireLease>(&args.robot, AcquireLeaseParams { ttl_ms }).await?;
+    let grant = client
+        .call::<AcquireLease>(&args.robot, AcquireLeaseParams { ttl_ms, ..Default::default() })
+        .await?;
     let out = args.cell.output();
     if out.is_json() {
         out.json_line(&grant)?;
@@ -147,6 +151,10 @@ struct Held<'a> {
 }
 
 impl Held<'_> {
+    const fn renewal(&self) -> RenewLeaseParams {
+        RenewLeaseParams { lease: self.grant.lease, ttl_ms: None }
+    }
+
     const fn params(&self) -> LeaseParams {
         LeaseParams { lease: self.grant.lease }
     }
@@ -157,7 +165,7 @@ impl Held<'_> {
         loop {
             sleep(ttl / RENEWALS).await;
             let asked = clock::now();
-            match self.client.call::<RenewLease>(self.robot, self.params()).await {
+            match self.client.call::<RenewLease>(self.robot, self.renewal()).await {
                 Ok(_) => renewed = asked,
                 // The agent or the link may be back before the lease has run out.
                 Err(ClientError::NoReply { .. } | ClientError::Timeout { .. })
@@ -187,8 +195,16 @@ mod tests {
     #[test]
     fn a_lease_that_has_run_out_is_told_as_such() {
         let name = |text: &str| text.parse::<RobotName>().expect("a name");
-        let lease =
-            |remaining_ms, stale| Some(Lease { holder: "planner".to_owned(), remaining_ms, stale });
+        let lease = |remaining_ms, stale| {
+            Some(Lease {
+                holder: "planner".to_owned(),
+                remaining_ms,
+                stale,
+                role: Default::default(),
+                reason: None,
+                delegates: Vec::new(),
+            })
+        };
         let rows = [(name("a"), None), (name("b"), lease(800, false)), (name("c"), lease(0, true))];
         let expected = "\
 robot  holder   time left

@@ -5,7 +5,7 @@ use std::io::{BufRead as _, IsTerminal as _};
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{
-    CellResetAnswer, CellResetParams, Denial, DenialCode, LatchedStop, ResetParams,
+    CellResetAnswer, CellResetParams, Denial, DenialCode, LatchedStop, StopLatch,
 };
 use armada_protocol::method::{cell, robot};
 use clap::Args;
@@ -37,7 +37,7 @@ pub(crate) struct ResetArgs {
 
 /// What is latched, and who told.
 struct Latched {
-    robots: Vec<(RobotName, Vec<LatchedStop>)>,
+    robots: Vec<(RobotName, StopLatch)>,
     by_gateway: bool,
 }
 
@@ -46,8 +46,8 @@ pub(crate) async fn run(args: ResetArgs) -> anyhow::Result<Exit> {
     let (client, address) = args.cell.connect().await?;
     let out = args.cell.output();
     let latched = latched(&client, &address, args.robots).await?;
-    for (robot, stops) in &latched.robots {
-        stops.iter().for_each(|stop| note(format_args!("{robot}: {}", in_words(stop))));
+    for (robot, latch) in &latched.robots {
+        latch.stops.iter().for_each(|stop| note(format_args!("{robot}: {}", in_words(stop))));
     }
     if latched.robots.is_empty() {
         return report(&CellResetAnswer { reset: vec![], refused: vec![] }, &out);
@@ -58,7 +58,7 @@ pub(crate) async fn run(args: ResetArgs) -> anyhow::Result<Exit> {
     }
     let answer = if latched.by_gateway {
         let robots = latched.robots.into_iter().map(|(robot, _)| robot).collect();
-        client.call_cell::<cell::Reset>(CellResetParams { robots }).await?
+        client.call_cell::<cell::Reset>(CellResetParams { robots, ..Default::default() }).await?
     } else {
         reset_at_agents(&client, latched.robots).await
     };
@@ -75,7 +75,7 @@ async fn latched(
             let in_scope = |robot: &RobotName| named.is_empty() || named.contains(robot);
             let robots = status.robots.into_iter().filter(|(robot, _)| in_scope(robot));
             let robots = robots
-                .filter_map(|(robot, status)| status.stop.map(|stop| (robot, stop.stops)))
+                .filter_map(|(robot, status)| status.stop.map(|stop| (robot, stop)))
                 .collect();
             Ok(Latched { robots, by_gateway: true })
         }
@@ -84,7 +84,7 @@ async fn latched(
             let mut robots = Vec::new();
             for robot in robots_or_all(client, address, named).await? {
                 match client.robot_status(&robot).await {
-                    Ok(status) => robots.extend(status.stop.map(|stop| (robot, stop.stops))),
+                    Ok(status) => robots.extend(status.stop.map(|stop| (robot, stop))),
                     Err(error) => note(format_args!("{robot}: {error}")),
                 }
             }
@@ -94,14 +94,10 @@ async fn latched(
     }
 }
 
-async fn reset_at_agents(
-    client: &Client,
-    robots: Vec<(RobotName, Vec<LatchedStop>)>,
-) -> CellResetAnswer {
+async fn reset_at_agents(client: &Client, robots: Vec<(RobotName, StopLatch)>) -> CellResetAnswer {
     let mut answer = CellResetAnswer { reset: vec![], refused: vec![] };
-    for (robot, stops) in robots {
-        let stop_ids = stops.iter().map(|stop| stop.stop_id).collect();
-        match client.call::<robot::Reset>(&robot, ResetParams { stop_ids }).await {
+    for (robot, latch) in robots {
+        match client.call::<robot::Reset>(&robot, latch.reset_params()).await {
             Ok(done) => answer.reset.push((robot, done.cleared)),
             Err(ClientError::Denied(denial)) => answer.refused.push((robot, denial)),
             Err(error) => {

@@ -20,7 +20,7 @@ use std::time::Duration;
 use armada_model::{JointTrajectory, MonoTime};
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    ActionStatus, CellMotionStatus, Denial, DenialCode, MotionStatus, StopRequest,
+    ActionStatus, CellMotionStatus, Coupling, Denial, DenialCode, MotionStatus, StopRequest,
 };
 use uuid::Uuid;
 
@@ -273,6 +273,9 @@ impl Group {
             parts: self.parts.iter().map(|(r, part)| (r.clone(), part.report())).collect(),
             start_skew_ms: ends
                 .map(|(first, last)| last.saturating_since(first).as_secs_f64() * 1e3),
+            coupling: Coupling::Independent,
+            max_divergence_ms: None,
+            start_travel: None,
         }
     }
 }

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    Accepted, CommandMode, CommitParams, Denial, DenialCode, EventKind, PrepareParams, Severity,
+    Accepted, CommandMode, CommitParams, Denial, DenialCode, EventKind, LeaseLoss, PrepareParams,
+    Severity,
 };
 use serde_json::Map;
 
@@ -75,7 +76,12 @@ impl Group {
         let Some(part) = self.parts.get_mut(robot) else { return };
         let Some(trajectory) = part.trajectory.take() else { return };
         part.step = Step::Preparing;
-        let params = PrepareParams { motion_id: Some(self.id), trajectory };
+        let params = PrepareParams {
+            motion_id: Some(self.id),
+            trajectory,
+            group: None,
+            on_lease_loss: LeaseLoss::StopOnPath,
+        };
         self.ask(robot, AgentCall::Prepare(Box::new(params)), PREPARE_TIMEOUT, cx);
     }
 
@@ -94,7 +100,10 @@ impl Group {
                 return self.fail(plan::of(robot, DenialCode::NotReady, why), cx);
             };
             let start_ns = start.shifted(offset.offset_ns);
-            commits.push((robot.clone(), CommitParams { motion_id: self.id, boot_id, start_ns }));
+            commits.push((
+                robot.clone(),
+                CommitParams { motion_id: self.id, boot_id, start_ns, rate_slope_s: None },
+            ));
         }
         self.phase = Phase::Committing { start };
         for (robot, params) in commits {

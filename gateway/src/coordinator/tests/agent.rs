@@ -120,7 +120,7 @@ impl FakeAgent {
             AgentCall::Commit(params) => self.commit(*params, now),
             AgentCall::Abort(id) => self.abort(*id, now),
             AgentCall::Stop(request) => Ok(AgentAnswer::Stop(self.stop(request, now))),
-            AgentCall::Reset(ids) => self.reset(ids),
+            AgentCall::Reset(params) => self.reset(&params.stop_ids),
         }
     }
 
@@ -153,7 +153,13 @@ impl FakeAgent {
         self.motions.retain(|motion| motion.status.id != id);
         self.motions.push(Motion { status, start: None, ramp_end: None, published_at: now });
         let (duration_s, ttl_ms) = (MOTION_DURATION.as_secs_f64(), 5_000);
-        Ok(AgentAnswer::Prepared(Prepared { motion_id: id, duration_s, epoch: 1, ttl_ms }))
+        Ok(AgentAnswer::Prepared(Prepared {
+            motion_id: id,
+            duration_s,
+            epoch: 1,
+            ttl_ms,
+            group: None,
+        }))
     }
 
     fn commit(&mut self, params: CommitParams, now: MonoTime) -> Result<AgentAnswer, Denial> {
@@ -196,7 +202,12 @@ impl FakeAgent {
             let StopRequest { stop_id, source, level, reason, .. } = request.clone();
             let mut stops = stops;
             stops.push(LatchedStop { stop_id, source, level, reason });
-            self.status.stop = Some(StopLatch { level, stops, stage: StopStage::Commanded });
+            self.status.stop = Some(StopLatch {
+                level,
+                stops,
+                stage: StopStage::Commanded,
+                reset: Default::default(),
+            });
             self.status.command_mode = CommandMode::Halt;
             let ids: Vec<_> = self.motions.iter().map(|motion| motion.status.id).collect();
             for id in ids {

@@ -272,7 +272,7 @@ async fn execute(
             client.call::<robot::ExecuteTrajectory>(&robot, params).await
         }
         Mover::Cell => {
-            let params = CellExecuteTrajectory { motion_id: Some(id), trajectory };
+            let params = CellExecuteTrajectory::new(Some(id), trajectory);
             client.call_cell::<cell::ExecuteTrajectory>(params).await
         }
     }

@@ -132,6 +132,7 @@ mod tests {
             level: StopLevel::L1,
             stops: vec![stop("a"), stop("b")],
             stage: StopStage::Standstill,
+            reset: Default::default(),
         };
         let lines = advice(&CellRobotStatus { stop: Some(stop), ..online() });
         assert_eq!(lines[0], "left_arm: stopped (L1) by a: no reason given");

@@ -105,7 +105,12 @@ mod tests {
     use super::*;
 
     fn robot(mode: CommandMode, stop: bool) -> CellRobotStatus {
-        let latch = StopLatch { level: StopLevel::L2, stops: vec![], stage: StopStage::Standstill };
+        let latch = StopLatch {
+            level: StopLevel::L2,
+            stops: vec![],
+            stage: StopStage::Standstill,
+            reset: Default::default(),
+        };
         CellRobotStatus {
             presence: Presence::Online,
             command_mode: Some(mode),
