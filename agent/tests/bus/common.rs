@@ -29,8 +29,18 @@ pub(crate) struct Bench {
 
 impl Bench {
     pub(crate) async fn start() -> Self {
+        Self::start_with("", "").await
+    }
+
+    /// The same, with `what` in the robot file replaced.
+    pub(crate) async fn start_with(what: &str, with: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let file = robot_file(folder.path(), "left_arm");
+        if !what.is_empty() {
+            let text = std::fs::read_to_string(&file).expect("robot file");
+            assert!(text.contains(what), "{what:?} is not in the robot file");
+            std::fs::write(&file, text.replace(what, with)).expect("robot file");
+        }
         let endpoint = format!("tcp/127.0.0.1:{}", free_tcp_port());
         let emulation = Some(emulate(&file));
         let agent = Agent::start(options(&file, &endpoint)).await.expect("agent starts");

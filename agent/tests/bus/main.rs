@@ -8,6 +8,7 @@ mod jogging;
 mod lease;
 mod moves;
 mod queueing;
+mod reduced;
 mod running;
 mod several_robots;
 mod streaming;
