@@ -79,16 +79,28 @@ impl WireEncoding {
     /// [`CodecError::Json`] or [`CodecError::Encode`] if the message has a value that cannot be
     /// written, such as a map with keys that are not text.
     pub fn encode<T: Serialize>(self, message: &T) -> Result<Vec<u8>, CodecError> {
+        self.encode_with_room(message, 256)
+    }
+
+    /// As [`Self::encode`], with one allocation for a message of up to `room` bytes.
+    ///
+    /// # Errors
+    /// As [`Self::encode`].
+    pub fn encode_with_room<T: Serialize>(
+        self,
+        message: &T,
+        room: usize,
+    ) -> Result<Vec<u8>, CodecError> {
+        let mut bytes = Vec::with_capacity(room);
         match self {
-            Self::Json => Ok(serde_json::to_vec(message)?),
+            Self::Json => serde_json::to_writer(&mut bytes, message)?,
             Self::MessagePack => {
-                let mut bytes = Vec::new();
                 let mut serializer =
                     rmp_serde::Serializer::new(&mut bytes).with_struct_map().with_human_readable();
                 message.serialize(&mut serializer)?;
-                Ok(bytes)
             }
         }
+        Ok(bytes)
     }
 
     /// The message in `bytes`, of at most `limit` bytes.

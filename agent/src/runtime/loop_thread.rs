@@ -20,6 +20,7 @@ use super::clock::{monotonic, sleep_until};
 use super::link::Link;
 use super::mailbox::{Latest, LoopEnd};
 use super::meter::Meter;
+use super::processor::Processor;
 use super::realtime::{self, RealtimeReport};
 use super::stop_gate::StopGate;
 use super::wake_log::WakeLog;
@@ -38,6 +39,8 @@ pub(super) struct LoopThread {
     pub(super) mailbox: LoopEnd,
     pub(super) gate: Arc<StopGate>,
     pub(super) meter: Arc<Meter>,
+    /// Told at every tick.
+    pub(super) runs_on: Arc<Processor>,
     pub(super) realtime: RealtimeConfig,
     /// A sample of the state falls due every so many ticks.
     pub(super) ticks_per_sample: u64,
@@ -89,6 +92,7 @@ impl LoopThread {
             let missed = whole_periods(woke.saturating_since(deadline), period);
             let tick = deadline + period * u32::try_from(missed).unwrap_or(u32::MAX);
             self.meter.count_tick(woke.saturating_since(deadline), missed);
+            self.runs_on.note();
             if let Some(log) = &mut self.wake_log {
                 log.note(tick, woke);
             }
@@ -135,10 +139,10 @@ impl LoopThread {
         if let Some(tape) = &mut self.tape {
             tape.before(&self.state, &input);
         }
-        let output = step(&self.params, &mut self.state, &mut input);
+        let mut output = step(&self.params, &mut self.state, &mut input);
         self.record(&input, &output);
         self.send(woke, &output);
-        self.report(output, &mut carry.due);
+        self.report(&mut output, &mut carry.due);
         carry.asked.clear();
     }
 
@@ -176,18 +180,19 @@ impl LoopThread {
         self.meter.note_link(&driver.counters());
     }
 
-    fn report(&mut self, output: Output, due: &mut Due) {
+    fn report(&mut self, output: &mut Output, due: &mut Due) {
         let sample = due.tick();
         let said = monotonic();
         let seqno = output.snapshot.seqno;
         let class = self.ticks_per_class.iter().any(|&ticks| seqno.is_multiple_of(ticks.max(1)));
         let something = sample || class || !output.events.is_empty() || !output.retired.is_empty();
-        for event in output.events {
+        // Drained in place: moved, each would be copied with all its unused room.
+        for event in output.events.drain(..) {
             if self.mailbox.events.push((said, event)).is_err() {
                 self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
             }
         }
-        for retired in output.retired {
+        for retired in output.retired.drain(..) {
             if let Err(rtrb::PushError::Full(retired)) = self.mailbox.retired.push(retired) {
                 // Freeing it would take the allocator's lock in the loop; losing it is cheaper.
                 mem::forget(retired);
@@ -320,6 +325,7 @@ mod tests {
             mailbox: loop_end,
             gate: Arc::default(),
             meter: Arc::clone(&meter),
+            runs_on: Arc::default(),
             realtime: RealtimeConfig { priority: None, cpu: None, lock_memory: false },
             ticks_per_sample: 1,
             ticks_per_class: Vec::new(),

@@ -33,6 +33,7 @@ mod loop_thread;
 mod mailbox;
 mod meter;
 mod motion_log;
+mod processor;
 mod publisher;
 mod realtime;
 mod recordings;

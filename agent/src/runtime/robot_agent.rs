@@ -27,6 +27,7 @@ use super::link::Link;
 use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
+use super::processor::Processor;
 use super::publisher::{Publisher, StateClass};
 use super::realtime::RealtimeReport;
 use super::recordings::{Recorder, Recordings};
@@ -81,7 +82,8 @@ impl RobotAgent {
         let publisher = shared.publisher(session, robot, publisher_end, to_desk).await?;
         // From here on an error drops the threads, which ends them.
         let mut threads = Threads::new(Arc::clone(&shared.shutdown));
-        let publisher = threads.publish(publisher, &robot.config, span.clone())?;
+        let runs_on = Arc::clone(&shared.runs_on);
+        let publisher = threads.publish(publisher, &robot.config, runs_on, span.clone())?;
         let mut loop_thread = shared.loop_thread(robot, loop_end, publisher)?;
         loop_thread.wake_log = wake_log;
         let recorder = shared.recorder(robot, &mut loop_thread)?;
@@ -191,6 +193,8 @@ struct Shared {
     boot_id: Uuid,
     gate: Arc<StopGate>,
     meter: Arc<Meter>,
+    /// Where the loop runs.
+    runs_on: Arc<Processor>,
     board: Arc<SharedBoard>,
     equipment: Arc<SharedEquipment>,
     changed: Arc<Notify>,
@@ -209,6 +213,7 @@ impl Shared {
             boot_id,
             gate: Arc::default(),
             meter: Arc::default(),
+            runs_on: Arc::default(),
             board: Arc::new(SharedBoard::new(Board::new(vocabulary, boot_id, first))),
             equipment: Arc::new(SharedEquipment::new(robot.book.clone(), info, publisher)),
             changed: Arc::default(),
@@ -228,7 +233,7 @@ impl Shared {
         let mut classes = Vec::new();
         for (rate_hz, ticks_per_sample) in robot.state_classes() {
             let sender = bus::declare_class(session, robot, rate_hz).await?;
-            classes.push(StateClass { sender, ticks_per_sample, published: 0 });
+            classes.push(StateClass::new(sender, ticks_per_sample));
         }
         Ok(Publisher {
             mailbox,
@@ -263,6 +268,7 @@ impl Shared {
             mailbox,
             gate: Arc::clone(&self.gate),
             meter: Arc::clone(&self.meter),
+            runs_on: Arc::clone(&self.runs_on),
             realtime: robot.config.control.realtime,
             ticks_per_sample: robot.ticks_per_sample(),
             ticks_per_class: robot.state_classes().into_iter().map(|(_, ticks)| ticks).collect(),
