@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use zenoh::bytes::Encoding;
 
+use crate::finite::first_not_finite;
 use crate::messages::{Denial, DenialCode};
 
 /// Largest request that is taken \[bytes\]: a trajectory of some ten thousand waypoints.
@@ -41,6 +42,14 @@ pub enum CodecError {
     /// Not MessagePack of this message.
     #[error("payload is not valid: {0}")]
     Decode(#[from] rmp_serde::decode::Error),
+    /// A number that is infinite or not a number, which no field means anything by.
+    #[error("{field} is {value}, expected a finite number")]
+    NotFinite {
+        /// Path of the field in the message.
+        field: String,
+        /// The number.
+        value: f64,
+    },
     /// Cannot be written as MessagePack.
     #[error("message cannot be encoded: {0}")]
     Encode(#[from] rmp_serde::encode::Error),
@@ -106,8 +115,9 @@ impl WireEncoding {
     /// The message in `bytes`, of at most `limit` bytes.
     ///
     /// # Errors
-    /// [`CodecError::TooLarge`] above the limit; [`CodecError::Json`] or [`CodecError::Decode`] if
-    /// the bytes are not such a message.
+    /// [`CodecError::TooLarge`] above the limit; [`CodecError::NotFinite`] if a number, in any field,
+    /// is infinite or not a number; [`CodecError::Json`] or [`CodecError::Decode`] if the bytes are
+    /// not such a message.
     pub fn decode<T: DeserializeOwned>(self, bytes: &[u8], limit: usize) -> Result<T, CodecError> {
         if bytes.len() > limit {
             return Err(CodecError::TooLarge { len: bytes.len(), limit });
@@ -115,6 +125,9 @@ impl WireEncoding {
         match self {
             Self::Json => Ok(serde_json::from_slice(bytes)?),
             Self::MessagePack => {
+                if let Some((field, value)) = first_not_finite(bytes) {
+                    return Err(CodecError::NotFinite { field, value });
+                }
                 let mut deserializer =
                     rmp_serde::Deserializer::from_read_ref(bytes).with_human_readable();
                 Ok(T::deserialize(&mut deserializer)?)
@@ -134,6 +147,9 @@ impl From<CodecError> for Denial {
             CodecError::Json(cause) if cause.is_data() => denial(DenialCode::InvalidArgument),
             CodecError::Json(_) => denial(DenialCode::BadEncoding),
             CodecError::Decode(_) => denial(DenialCode::InvalidArgument),
+            CodecError::NotFinite { field, .. } => {
+                denial(DenialCode::InvalidArgument).with("field", field.as_str())
+            }
             CodecError::Encode(_) => denial(DenialCode::Internal),
         }
     }

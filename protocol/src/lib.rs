@@ -10,12 +10,14 @@
 //! client                   the asking end, for programs
 //! ```
 //!
-//! Invariants: no other crate spells a key; a message that decodes is valid in itself; a refused
+//! Invariants: no other crate spells a key; a message that decodes is valid in itself, and every
+//! number in it finite; a refused
 //! request is answered with a [`messages::Denial`] on the reply's error channel; zero replies to a
 //! request are a failure, never a success.
 
 pub mod client;
 pub mod codec;
+mod finite;
 pub mod generated;
 pub mod keys;
 pub mod messages;

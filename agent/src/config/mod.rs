@@ -149,8 +149,7 @@ impl RobotConfig {
         self.check_chains()?;
         self.check_tools()?;
         self.control.check().map_err(|problem| problem.under("control"))?;
-        let loop_rate_hz = 1000.0 / self.control.period_ms;
-        self.publish.check(loop_rate_hz).map_err(|problem| problem.under("publish"))?;
+        self.publish.check(&self.control).map_err(|problem| problem.under("publish"))?;
         self.recorder.check().map_err(|problem| problem.under("recorder"))?;
         self.zenoh.check().map_err(|problem| problem.under("zenoh"))?;
         self.driver.check().map_err(|problem| problem.under("driver"))

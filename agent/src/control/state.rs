@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError};
-use armada_protocol::messages::CommandMode;
+use armada_protocol::messages::{CommandMode, OperationalMode};
 use arrayvec::ArrayVec;
 
 use super::authority::Authority;
@@ -13,8 +13,7 @@ use super::controller::Controller;
 use super::equipment::{Equipment, Owed};
 use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
-use super::motion::{Brake, End, Motion, OwnMotion, Waiting};
-use super::operational::reduced_limits;
+use super::motion::{Brake, End, Motion, OwnMotion, Queued};
 use super::standstill::Standstill;
 use super::stop::Stop;
 use super::stream::Stream;
@@ -23,7 +22,7 @@ use super::values::PendingValues;
 use super::verify::Condition;
 
 /// Most faults that can be latched: one of each kind.
-pub(super) const MAX_FAULTS: usize = 10;
+pub(super) const MAX_FAULTS: usize = 11;
 
 /// What the loop remembers from tick to tick.
 #[derive(Debug, Serialize, Deserialize)]
@@ -51,7 +50,7 @@ pub struct LoopState {
     pub(super) motion: Option<Motion>,
     pub(super) stream: Stream,
     /// What waits for its end, in order; empty if there is no motion.
-    pub(super) queue: ArrayVec<Waiting, MAX_QUEUED>,
+    pub(super) queue: ArrayVec<Queued, MAX_QUEUED>,
     /// What the controller is told about motions that it makes itself.
     pub(super) own_motion: OwnMotion,
     /// Speed of all motions, 0.01 to 1.
@@ -130,7 +129,7 @@ impl LoopState {
     /// [`ParamsError::Period`] if the period is zero or longer than the communication timeout.
     pub fn new(params: &Params) -> Result<Self, ParamsError> {
         let limits = MotionLimits::new(&params.limits)?;
-        let reduced = reduced_limits(params)?;
+        let reduced = params.limits_in(OperationalMode::ManualReducedSpeed)?;
         let expected = limits.len();
         for (field, vector) in [
             ("start_tolerance", &params.start_tolerance),

@@ -96,6 +96,7 @@ impl LoopState {
     /// `invalid_state` if nothing is.
     pub(super) fn verify(&mut self, tick: &mut Tick<'_>, feedback: Option<&Feedback>) {
         self.condition.take(tick, self.limits.len(), feedback);
+        self.watch_session();
         if tick.loop_error {
             self.latch(tick, fault(FaultCode::LoopError, tick.now, 1.0));
         }

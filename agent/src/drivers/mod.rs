@@ -36,6 +36,8 @@ pub const MAX_PACKET: usize = 1500;
 pub struct Feedback {
     /// When it arrived, loop's clock.
     pub stamp: MonoTime,
+    /// Which run of the controller sent it: another number after each start; 0 if it does not say.
+    pub session: u64,
     /// Measured positions \[rad or m\].
     pub joint_position: JointVector,
     /// Measured speeds \[1/s\]; empty if the controller gives none.
@@ -92,6 +94,7 @@ impl Feedback {
     pub fn of(stamp: MonoTime, joint_position: JointVector) -> Self {
         Self {
             stamp,
+            session: 0,
             joint_position,
             joint_velocity: JointVector::EMPTY,
             joint_effort: JointVector::EMPTY,

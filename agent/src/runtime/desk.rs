@@ -1,5 +1,7 @@
 //! The task that turns what the loop and the stop keys say into messages.
 
+mod streams;
+
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -27,7 +29,9 @@ use super::mailbox::StampedEvent;
 use super::meter::{Meter, MeterReader};
 use super::stop_intake::IncomingStop;
 use super::words::{name, operational_name};
-use crate::control::{LeaseChange, LoopEvent, Refusal, StreamChange};
+use crate::control::{LeaseChange, LoopEvent, Refusal};
+
+pub(super) use streams::Flapping;
 
 /// How often progress of a motion is published.
 const PROGRESS: Duration = Duration::from_millis(100);
@@ -54,6 +58,7 @@ pub(super) struct Desk {
     pub(super) stop_acks: Latest,
     pub(super) boot_id: Uuid,
     pub(super) event_seqno: u64,
+    pub(super) flapping: Flapping,
     /// Counts the resets that have reached the loop.
     pub(super) cleared: watch::Sender<u64>,
 }
@@ -148,20 +153,6 @@ impl Desk {
             }
         }
         self.publish_status().await;
-    }
-
-    async fn take_stream(&mut self, stamp: MonoTime, change: StreamChange) {
-        let (severity, what, message) = match change {
-            StreamChange::Began => (Severity::Info, "began", "a stream of commands began"),
-            StreamChange::Starved => {
-                (Severity::Warning, "starved", "the stream of commands starved: decelerating")
-            }
-            StreamChange::Resumed => (Severity::Info, "resumed", "the stream of commands goes on"),
-            StreamChange::Ended => (Severity::Info, "ended", "the stream of commands ended"),
-        };
-        info!(change = what, "stream of commands");
-        let details = map(json!({ "change": what }));
-        self.event(stamp, severity, EventKind::Stream, message.to_owned(), details).await;
     }
 
     /// Says who may command now; a lease itself is a secret of its holder.
@@ -289,6 +280,7 @@ impl Desk {
             self.follow_parts(now, &status).await;
         }
         self.forget_collected(now).await;
+        self.settle_streams(now).await;
     }
 
     /// Publishes what a status means for the moves that are parts of the motion.

@@ -21,7 +21,7 @@ use super::agent::AgentError;
 use super::board::{Board, SharedBoard};
 use super::bus::{self, Keys};
 use super::clock::monotonic;
-use super::desk::{Desk, Inboxes, Remark};
+use super::desk::{Desk, Flapping, Inboxes, Remark};
 use super::equipment::SharedEquipment;
 use super::link::Link;
 use super::loop_thread::LoopThread;
@@ -320,6 +320,7 @@ impl Shared {
             meter: Arc::clone(&self.meter),
             boot_id: self.boot_id,
             event_seqno: 0,
+            flapping: Flapping::default(),
             cleared,
         })
     }

@@ -158,7 +158,11 @@ impl Vocabulary {
             Refusal::QueueBroken => self.ended("the motion before it ended early"),
             Refusal::NotPausable => Denial::new(
                 DenialCode::NotSupported,
-                format!("the motion of {} cannot be paused", self.robot),
+                format!(
+                    "this motion of {} cannot be paused: trajectories, single moves and jogs to a \
+                     position can while they are in progress, unless other robots keep their pace",
+                    self.robot
+                ),
             ),
             Refusal::NoHome { joint } => Denial::new(
                 DenialCode::NotSupported,
@@ -278,6 +282,7 @@ impl Vocabulary {
                 "see what the robot ran into, or what loads it"
             }
             FaultCode::HomingFailed => "see why the controller found no reference",
+            FaultCode::StopIgnored => "stop the motion at the controller, and see why it went on",
             FaultCode::LoopError => "report the defect; restart the agent if it stays",
         };
         let command = match clear_by(code) {
@@ -321,6 +326,11 @@ impl Vocabulary {
                 unit = self.unit(joint),
             ),
             FaultCode::HomingFailed => "the controller failed to home".to_owned(),
+            FaultCode::StopIgnored => format!(
+                "the controller goes on with its own motion {:.1} s after it was asked to end it, \
+                 limit {:.1} s: its drives are switched off",
+                fault.value, fault.limit
+            ),
         };
         Fault {
             code: fault.code,

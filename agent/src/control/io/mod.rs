@@ -30,7 +30,7 @@ pub const MAX_REQUESTS: usize = 8;
 pub const MAX_EVENTS: usize = 96;
 /// Most samples of streams one tick takes; the rest wait for the next.
 pub const MAX_SAMPLES: usize = 8;
-/// Most trajectories that wait for the end of another.
+/// Most motions that wait for the end of another.
 pub const MAX_QUEUED: usize = 16;
 /// Most things one tick gives back: one of each request, what was followed, and what waited.
 pub const MAX_RETIRED: usize = MAX_REQUESTS + MAX_QUEUED + 2;

@@ -29,7 +29,8 @@ pub struct Params {
     pub standstill_velocity: JointVector,
     /// How long it must be below.
     pub standstill_hold: Duration,
-    /// How long the controller has to do what it is asked: switch drives, clear errors.
+    /// How long the controller has to do what it is asked: switch drives, clear errors, take or
+    /// end a move of its own.
     pub request_timeout: Duration,
     /// How long the controller may search the references of one group of joints.
     pub homing_timeout: Duration,

@@ -5,10 +5,9 @@ use std::time::Duration;
 use armada_model::MonoTime;
 use armada_protocol::messages::{CommandMode, LeaseLoss, StopLevel};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use uuid::Uuid;
 
-use super::rig::{PERIOD, Rig, jog, trajectory};
+use super::rig::{PERIOD, Rig, jog, long_stories, trajectory};
 use crate::control::{
     FollowOrder, LeaseChange, LeaseReport, LoopEvent, MAX_REQUESTS, Order, Refusal,
 };
@@ -350,17 +349,8 @@ impl Story {
     }
 }
 
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        rng_seed: RngSeed::Fixed(21),
-        failure_persistence: None,
-        max_shrink_time: 30_000,
-        ..ProptestConfig::with_cases(500)
-    }
-}
-
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(long_stories(21))]
 
     #[test]
     fn the_lease_is_as_its_model_whatever_happens(acts in prop::collection::vec(act(), 1..120)) {

@@ -15,6 +15,8 @@ pub(super) struct Plant {
     velocity: JointVector,
     sent: VecDeque<JointVector>,
     pub(super) enabled: bool,
+    /// Which run of the controller it is.
+    pub(super) session: u64,
     pub(super) ready: bool,
     pub(super) emergency_stop: bool,
     pub(super) error_code: u32,
@@ -53,6 +55,7 @@ impl Plant {
             velocity: position.map_indexed(|_, _| 0.0),
             sent: VecDeque::new(),
             enabled: true,
+            session: 1,
             ready: true,
             emergency_stop: false,
             error_code: 0,
@@ -93,6 +96,7 @@ impl Plant {
                     JointVector::EMPTY
                 },
                 enabled: self.enabled,
+                session: self.session,
                 ready: self.ready,
                 emergency_stop: self.emergency_stop,
                 error_code: self.error_code,

@@ -1,9 +1,9 @@
 //! Single moves to a goal, planned here or by the controller.
 
-use armada_model::{JointLimits, JointVector, MotionLimits};
+use armada_model::{JointVector, MotionLimits};
 use armada_protocol::messages::{
     Accepted, ActionStatus, CommandMode, Denial, DenialCode, Executor, MotionKind, MoveExecutor,
-    MoveHomeParams, MoveJointParams, MoveOptions, MovePoseParams, OperationalMode, Queue,
+    MoveHomeParams, MoveJointParams, MoveOptions, MovePoseParams, Queue,
 };
 use uuid::Uuid;
 
@@ -103,10 +103,7 @@ impl Requests {
         };
         match options.executor {
             MoveExecutor::Agent => Ok(false),
-            MoveExecutor::Auto => {
-                let is_plain = !is_collecting && options.queue == Queue::Refuse;
-                Ok(can && is_plain && self.params.delegates)
-            }
+            MoveExecutor::Auto => Ok(can && !is_collecting && self.params.delegates),
             MoveExecutor::Controller if !can => {
                 refuse(format!("the controller makes no {what} of its own"))
             }
@@ -142,7 +139,11 @@ impl Requests {
         };
         let executor = Executor::Controller;
         let motion = NewMotion { id, kind, executor, duration_s: 0.0, waypoint_count: 0 };
-        self.start(asker, motion, Order::Delegate(order)).await
+        let accepted = self.start(asker, motion, Order::Delegate(order)).await?;
+        if let MoveGoal::Joint(end) = wanted.goal {
+            self.board.lock().connected.note_end(id, end);
+        }
+        Ok(accepted)
     }
 
     async fn plan_here(&self, asker: &Asker, wanted: &Wanted) -> Result<Accepted, Denial> {
@@ -277,21 +278,9 @@ impl Requests {
 
     /// The limits, reduced where the key switch says so or nobody knows where it stands.
     pub(super) fn limits_of_moves(&self) -> MotionLimits {
-        let reduced = matches!(
-            self.board.lock().snapshot.operational_mode,
-            OperationalMode::ManualReducedSpeed | OperationalMode::Undefined
-        );
-        if !reduced {
-            return self.limits;
-        }
-        let each = self.params.limits.iter().zip(&self.params.reduced).map(|(limits, reduced)| {
-            JointLimits {
-                velocity: limits.velocity.min(reduced.velocity),
-                acceleration: limits.acceleration.map(|a| a.min(reduced.acceleration)),
-                ..*limits
-            }
-        });
-        MotionLimits::new(&each.collect::<Vec<_>>()).unwrap_or(self.limits)
+        let mode = self.board.lock().snapshot.operational_mode;
+        // Never refused: the loop was made of the same limits.
+        self.params.limits_in(mode).unwrap_or(self.limits)
     }
 
     /// Cancels a move that is a part of a motion, or collected to become one; `None` if it is

@@ -144,6 +144,7 @@ fn every_fault_says_what_when_where_and_what_to_do() {
         FaultCode::TrackingError,
         FaultCode::VelocityError,
         FaultCode::HomingFailed,
+        FaultCode::StopIgnored,
         FaultCode::LoopError,
     ] {
         let stamp = MonoTime::from_nanos(7);
