@@ -17,7 +17,7 @@ async fn follow(bench: &Bench) {
 }
 
 const fn prepare(trajectory: JointTrajectory) -> PrepareParams {
-    PrepareParams { motion_id: None, trajectory }
+    PrepareParams::alone(None, trajectory)
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -38,6 +38,7 @@ async fn what_is_prepared_keeps_the_limits_of_reduced_speed_while_they_are_in_fo
         motion_id: prepared.motion_id,
         boot_id: clock.boot_id,
         start_ns: clock.stamp_ns + std::time::Duration::from_millis(200),
+        rate_slope_s: None,
     };
     client.call::<Commit>(robot, params).await.expect("committed");
     let end = bench.motion_end(prepared.motion_id).await;
