@@ -99,7 +99,10 @@ async fn one_process_serves_two_robots_and_ramps_both_down_on_a_signal() {
     let _emulators = files.map(|file| Process::start(&["emulator", "sim", file]));
     let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("bound");
     let endpoint = format!("tcp/{port}");
-    let agent = Process::start(&["agent", files[0], files[1], "--listen", &endpoint]);
+    let state = folder.path().join("state");
+    let state = state.to_str().expect("text");
+    let agent = ["agent", files[0], files[1], "--listen", &endpoint, "--state-dir", state];
+    let agent = Process::start(&agent);
     let client = connect(&endpoint).await;
     for name in ["left_arm", "right_arm"] {
         let name: RobotName = name.parse().expect("a name");
