@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use armada_protocol::messages::{CommandMode, FaultCode, StopLevel, StopStage};
+use armada_protocol::messages::{CommandMode, FaultCode, Queue, StopLevel, StopStage};
 use uuid::Uuid;
 
-use super::rig::{PERIOD, Rig, follow, jog, joints, params, trajectory};
+use super::rig::{PERIOD, Rig, follow, jog, joints, params, queued, trajectory};
 use crate::control::{LoopEvent, Order, Params, Refusal};
 use crate::drivers::{DriverRequest, Values};
 
@@ -187,9 +187,12 @@ fn a_reset_empties_the_queue_and_takes_the_set_point_from_where_the_robot_stands
     let mut rig = Rig::in_mode(Trajectory);
     let path = trajectory(&[(0.0, [0.0; 3]), (2.0, [0.4; 3])]);
     rig.follow(1, &path).expect("granted");
+    let behind = trajectory(&[(0.0, [0.4; 3]), (2.0, [0.0; 3])]);
+    rig.ask(queued(2, &behind, Queue::Append)).expect("granted");
     rig.ticks(100);
     rig.stop = Some(L0);
     rig.until("the drives are off", |rig| rig.stages().contains(&DrivesOff));
+    assert!(rig.ended(1).is_some() && rig.ended(2).is_some(), "the queue is empty");
     rig.plant.position = joints([0.3, 0.2, -0.1]);
     rig.tick();
     let epoch = rig.epoch();
