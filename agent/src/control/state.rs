@@ -8,6 +8,7 @@ use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError};
 use armada_protocol::messages::{CommandMode, OperationalMode};
 use arrayvec::ArrayVec;
 
+use super::acknowledge::Acknowledgement;
 use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::{Equipment, Owed};
@@ -61,6 +62,7 @@ pub struct LoopState {
     pub(super) owed_loads: Owed,
     pub(super) owed_tools: Owed,
     pub(super) values: PendingValues,
+    pub(super) acknowledgement: Acknowledgement,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -94,6 +96,8 @@ pub(super) struct Tick<'a> {
     pub(super) params: &'a Params,
     pub(super) now: MonoTime,
     pub(super) loop_error: bool,
+    /// Whether the stop gate is closed.
+    pub(super) stopped: bool,
     pub(super) output: &'a mut Output,
 }
 
@@ -170,6 +174,7 @@ impl LoopState {
             owed_loads: Owed::ALL,
             owed_tools: Owed::ALL,
             values: PendingValues::default(),
+            acknowledgement: Acknowledgement::default(),
         })
     }
 
