@@ -44,6 +44,7 @@ mod stop_intake;
 mod stream_intake;
 mod threads;
 mod wake_log;
+mod why;
 mod words;
 
 pub use agent::{Agent, AgentError, AgentOptions};

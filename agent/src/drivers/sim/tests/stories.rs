@@ -110,7 +110,8 @@ impl Cell {
             16 => {
                 let lease = Uuid::from_u128(1 << 64 | u128::from(self.below(3)));
                 self.lease = Some(lease);
-                Order::AcquireLease { lease, ttl: Duration::from_millis(300) }
+                let ttl = Duration::from_millis(300);
+                Order::AcquireLease { lease, ttl, role: Default::default() }
             }
             _ => Order::Home(HomeOrder {
                 id: self.id(),
