@@ -17,7 +17,7 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 pub use error::ClientError;
-pub use lease::LeaseKeeper;
+pub use lease::{GroupLeaseError, GroupLeaseKeeper, LeaseKeeper};
 pub use stop::StopOptions;
 pub use stream::Stream;
 pub use subscription::Subscription;
