@@ -103,6 +103,7 @@ impl LoopState {
         let Some(feedback) = self.condition.feedback().copied() else {
             return self.verify_silence(tick);
         };
+        self.follow_local_control(tick, &feedback);
         if feedback.emergency_stop {
             self.latch(tick, fault(FaultCode::EmergencyStop, tick.now, 1.0));
         }
@@ -152,7 +153,8 @@ impl LoopState {
             return;
         }
         self.change_mode(tick, CommandMode::Halt, End::Cancelled(Refusal::ModeLeft));
-        let wanted = tick.params.enable_on_start && !tick.stopped && self.stop.level().is_none();
+        let stopped = tick.stopped || self.stop.level().is_some();
+        let wanted = tick.params.enable_on_start && !stopped && self.check_local_control().is_ok();
         if wanted && !feedback.enabled {
             self.controller.enable_until(tick.now + tick.params.request_timeout);
         }

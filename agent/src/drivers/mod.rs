@@ -56,6 +56,8 @@ pub struct Feedback {
     pub operational_mode: OperationalMode,
     /// A safeguard of the controller is open: it stopped the robot, or limits it to nothing.
     pub guard_stop: bool,
+    /// The pendant, or another person at the controller, has control: nobody else may command.
+    pub local_control: bool,
     /// Conditions that only the controller knows, of [`Feedback::CONDITIONS`]: which button or
     /// guard, the enabling switch, a fatal error, a released emergency stop.
     pub conditions: RobotFlags,
@@ -104,6 +106,7 @@ impl Feedback {
             error_code: 0,
             operational_mode: OperationalMode::Undefined,
             guard_stop: false,
+            local_control: false,
             conditions: RobotFlags::NONE,
             homed: JointSet::first(joint_position.len()),
             homing: JointSet::NONE,

@@ -23,6 +23,7 @@ use zenoh::query::Query;
 
 use super::board::{Board, SharedBoard};
 use super::clock::{monotonic, utc_ns};
+use super::leases::LeaseNews;
 use super::mailbox::StampedEvent;
 use super::meter::{Meter, MeterReader};
 use super::stop_gate::{Closing, StopGate};
@@ -144,6 +145,7 @@ impl Desk {
                     .await;
             }
             LoopEvent::Lease(change) => self.take_lease(stamp, change).await,
+            LoopEvent::LocalControl(local) => self.take_local_control(stamp, local).await,
             LoopEvent::OperationalMode { from, to } => {
                 let (from, to) = (operational_name(from), operational_name(to));
                 warn!(from, to, "key switch turned");
@@ -170,20 +172,31 @@ impl Desk {
 
     /// Says who may command now; a lease itself is a secret of its holder.
     async fn take_lease(&mut self, stamp: MonoTime, change: LeaseChange) {
-        let (holder, message) = self.board.lock().leases.take(change);
-        info!(holder, "{message}");
-        let severity = match change {
-            LeaseChange::Expired(_) => Severity::Warning,
-            _ => Severity::Info,
+        let LeaseNews { severity, message, details } = {
+            let mut board = self.board.lock();
+            let Board { leases, snapshot, .. } = &mut *board;
+            leases.take(stamp, change, snapshot)
         };
-        let details = map(json!({ "holder": holder }));
+        info!("{message}");
         self.event(stamp, severity, EventKind::Lease, message, details).await;
+    }
+
+    async fn take_local_control(&mut self, stamp: MonoTime, local: bool) {
+        self.board.lock().local_since = local.then_some(stamp);
+        let (change, message) = match local {
+            true => ("local", "the pendant has control: nobody else may command"),
+            false => ("free", "the pendant gave control back: nothing resumes by itself"),
+        };
+        warn!(change, "{message}");
+        let details = map(json!({ "change": change, "holder": "pendant" }));
+        let message = message.to_owned();
+        self.event(stamp, Severity::Warning, EventKind::Lease, message, details).await;
     }
 
     async fn take_motion(&mut self, stamp: MonoTime, report: &crate::control::MotionReport) {
         let status = {
             let mut board = self.board.lock();
-            let reason = report.reason.as_ref().map(|refusal| board.vocabulary.denial(refusal));
+            let reason = report.reason.as_ref().map(|refusal| board.denial(refusal));
             board.motions.take(stamp, report, reason)
         };
         let Some(status) = status else { return };

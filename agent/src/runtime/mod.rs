@@ -50,6 +50,7 @@ mod stop_sources;
 mod stream_intake;
 mod threads;
 mod wake_log;
+mod why;
 mod words;
 
 pub use agent::{Agent, AgentError, AgentOptions};

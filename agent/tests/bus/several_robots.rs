@@ -274,3 +274,42 @@ fn threads() -> Vec<String> {
     let names = tasks.filter_map(Result::ok).map(|task| task.path().join("comm"));
     names.filter_map(|name| std::fs::read_to_string(name).ok()).collect()
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_group_has_the_leases_of_all_its_robots_or_none() {
+    let pair = Pair::start().await;
+    let ttl = std::time::Duration::from_secs(60);
+    let [left, right] = &pair.names;
+    let held = |s: &RobotStatus| s.authority == AuthorityState::Held;
+    let free = |s: &RobotStatus| s.authority == AuthorityState::Free;
+    let other = Client::on_session(pair.client.session().clone(), "other");
+    let single = other.acquire_lease(right, ttl).await.expect("free");
+    let refused = pair.client.acquire_group(&pair.names, ttl).await.expect_err("one is held");
+    assert_eq!((&refused.robot, refused.holder.as_deref()), (right, Some("other")), "{refused}");
+    pair.status_when(left, free).await;
+    single.release().await.expect("given back");
+    let group = pair.client.acquire_group(&pair.names, ttl).await.expect("both are free");
+    for robot in &pair.names {
+        let lease = pair.status_when(robot, held).await.lease.expect("held");
+        assert!(lease.remaining_ms > 30_000, "for the whole time: {lease:?}");
+    }
+    let mode = SetModeParams { mode: CommandMode::Jog };
+    let under = pair.client.under(group.leases()[left]);
+    under.call::<SetMode>(left, mode).await.expect("the holder may");
+    assert!(group.release().await.is_empty(), "nobody refuses");
+    for robot in &pair.names {
+        pair.status_when(robot, free).await;
+    }
+    // Three renewals while it lasts: the loss of one shows while the other is kept.
+    let ttl = std::time::Duration::from_millis(900);
+    let group = pair.client.acquire_group(&pair.names, ttl).await.expect("both are free");
+    let taken = other.take_lease(right, ttl, Role::Operator, "test").await.expect("a person takes");
+    let lost = tokio::time::timeout(DEADLINE, group.lost()).await.expect("told");
+    assert_eq!((lost, group.lost_robots()), (vec![right.clone()], vec![right.clone()]));
+    let lease = pair.status_when(left, held).await.lease.expect("kept");
+    assert_eq!(lease.holder, "test");
+    drop(group);
+    pair.status_when(left, free).await;
+    assert!(!taken.is_lost(), "what is another's is not given back");
+    pair.agent.shut_down().await;
+}

@@ -13,7 +13,11 @@ use crate::rig::{JOINTS, Rig, all};
 
 /// Streams to a new lease in `mode`, with wrong samples and gaps among the good ones.
 fn stream(rig: &mut Rig, lease: Uuid, mode: CommandMode, values: impl Fn(f64) -> StreamValues) {
-    rig.tick([Order::AcquireLease { lease, ttl: Duration::from_secs(60) }]);
+    rig.tick([Order::AcquireLease {
+        lease,
+        ttl: Duration::from_secs(60),
+        role: Default::default(),
+    }]);
     // Orders of this rig name no lease, so the mode comes first where one is held.
     let mut snapshot = rig.ticks(500).snapshot;
     assert_eq!(snapshot.command_mode, mode);

@@ -18,7 +18,7 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 pub use error::ClientError;
-pub use lease::LeaseKeeper;
+pub use lease::{GroupLeaseError, GroupLeaseKeeper, LeaseKeeper};
 pub use stop::StopOptions;
 pub use stop_source::AnsweredStopSource;
 pub use stream::Stream;

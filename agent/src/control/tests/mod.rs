@@ -2,6 +2,7 @@
 
 mod authority;
 mod authority_model;
+mod authority_shared;
 mod controller;
 mod delegated;
 mod equipment;

@@ -21,6 +21,8 @@ pub(super) struct Plant {
     pub(super) emergency_stop: bool,
     pub(super) error_code: u32,
     pub(super) guard_stop: bool,
+    /// Whether the pendant has control.
+    pub(super) local_control: bool,
     pub(super) conditions: RobotFlags,
     pub(super) operational_mode: OperationalMode,
     /// Joints that know their reference.
@@ -60,6 +62,7 @@ impl Plant {
             emergency_stop: false,
             error_code: 0,
             guard_stop: false,
+            local_control: false,
             conditions: RobotFlags::NONE,
             operational_mode: OperationalMode::Cobot,
             homed: JointSet::first(JOINTS),
@@ -82,6 +85,7 @@ impl Plant {
     pub(super) fn recover(&mut self) {
         (self.emergency_stop, self.silent, self.blocked) = (false, false, false);
         (self.guard_stop, self.conditions) = (false, RobotFlags::NONE);
+        self.local_control = false;
         (self.obeys_after, self.creep) = (Some(5), 0.0);
         self.obeying.clear();
         self.ready = self.enabled;
@@ -102,6 +106,7 @@ impl Plant {
                 error_code: self.error_code,
                 operational_mode: self.operational_mode,
                 guard_stop: self.guard_stop,
+                local_control: self.local_control,
                 conditions: self.conditions,
                 homed: self.homed,
                 homing: self.homing,

@@ -321,6 +321,7 @@ fn feedback(now: MonoTime, status: &Status) -> Feedback {
         error_code: status.error,
         operational_mode: status.operational_mode,
         guard_stop: status.guard_stop,
+        local_control: status.local_control,
         conditions: status.conditions,
         homed: status.homed,
         homing: status.homing,

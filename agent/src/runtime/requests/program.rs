@@ -12,6 +12,7 @@ use crate::control::{DelegateOrder, FollowOrder, Order, Refusal};
 use crate::drivers::{DelegatedGoal, DelegatedMove};
 use crate::moves::{MoveGoal, MovePlan, MovePlanner, SingleMove};
 use crate::runtime::connected::{Collection, MAX_CONNECTED};
+use crate::runtime::leases::check_may_move;
 
 /// A move as it was asked for.
 struct Wanted {
@@ -206,12 +207,8 @@ impl Requests {
             if mode != needed {
                 return Err(board.vocabulary.denial(&Refusal::WrongMode { mode, needed }));
             }
-            let other = snapshot.lease.filter(|held| Some(held.lease) != asker.lease);
-            if let Some(held) = other.filter(|held| !held.stale) {
-                let left = held.deadline.saturating_since(snapshot.stamp);
-                let refusal = Refusal::LeaseRequired { remaining_s: left.as_secs_f64() };
-                return Err(board.vocabulary.denial(&refusal));
-            }
+            check_may_move(snapshot, asker.lease, snapshot.stamp)
+                .map_err(|refusal| board.denial(&refusal))?;
         }
         let Some(first) = collected.as_ref() else {
             return Ok(None);

@@ -86,7 +86,7 @@ impl Cell {
             23 => {
                 let lease = Uuid::from_u128(1 << 64 | u128::from(self.below(3)));
                 self.lease = Some(lease);
-                Order::AcquireLease { lease, ttl: Duration::from_millis(100) }
+                Order::AcquireLease { lease, ttl: Duration::from_millis(100), role: Default::default() }
             }
             24 => Order::Home(self.home(HomeMethod::Controller)),
             _ => Order::Home(self.home(HomeMethod::MoveToHome)),
