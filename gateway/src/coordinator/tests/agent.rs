@@ -64,6 +64,8 @@ struct Motion {
     group: Option<GroupParams>,
     /// Since when a partner has been missing.
     alone_since: Option<MonoTime>,
+    /// Whether it stops because of that.
+    left_alone: bool,
 }
 
 impl FakeAgent {
@@ -268,6 +270,7 @@ impl FakeAgent {
                     ended.push(id);
                 } else {
                     motion.ramp_end = Some(now + RAMP);
+                    motion.left_alone = true;
                 }
             }
         }
@@ -314,6 +317,7 @@ impl FakeAgent {
             published_at: now,
             group,
             alone_since: None,
+            left_alone: false,
         });
         let (duration_s, ttl_ms) = (MOTION_DURATION.as_secs_f64(), 5_000);
         Ok(AgentAnswer::Prepared(Prepared {
@@ -459,8 +463,8 @@ impl FakeAgent {
             let elapsed = now.saturating_since(start);
             motion.status.elapsed_s = elapsed.as_secs_f64();
             if motion.ramp_end.is_some_and(|end| end <= now) {
-                let alone = motion.alone_since.is_some();
-                let end = if alone { ActionStatus::Failed } else { ActionStatus::Cancelled };
+                let end =
+                    if motion.left_alone { ActionStatus::Failed } else { ActionStatus::Cancelled };
                 ended.push((motion.status.id, end));
             } else if elapsed >= MOTION_DURATION && motion.ramp_end.is_none() {
                 ended.push((motion.status.id, ActionStatus::Complete));

@@ -1,8 +1,8 @@
 //! Two robots and what carries them, with no pairs but those between the two.
 
 use armada_model::{
-    ClearanceError, ClearanceWorkspace, CollisionScene, MotionCheck, MotionReport, Mount, Owner,
-    RobotId, RobotModel, SceneBuilder,
+    Accuracy, ClearanceError, ClearanceWorkspace, CollisionScene, MotionCheck, MotionReport, Mount,
+    Owner, RobotId, RobotModel, SceneBuilder, TimedDistance,
 };
 use armada_protocol::messages::{Denial, DenialCode};
 
@@ -126,14 +126,41 @@ impl<'p> PairScene<'p> {
         };
         let mut hints = vec![0; self.solids.len()];
         let sample = |time_s: f64, positions: &mut [f64]| {
-            for (robot, (solid, hint)) in self.solids.iter().zip(&mut hints).enumerate() {
-                let time_s = phases.from_s + time_s + self.shift_of(robot, phases);
-                let range = self.range(robot);
-                let own = positions.get_mut(range).unwrap_or_default();
-                solid.write(time_s, hint, own);
-            }
+            self.write(phases, time_s, &mut hints, positions);
         };
         self.scene.check_motion(&check, sample, workspace).map_err(impossible)
+    }
+
+    /// The nearest pair at some times of the phases, in the middle of the shift.
+    pub(super) fn probe(
+        &self,
+        phases: &Phases,
+        probes: u32,
+        workspace: &mut ClearanceWorkspace,
+    ) -> Result<Option<TimedDistance>, Denial> {
+        let mut hints = vec![0; self.solids.len()];
+        let mut positions = vec![0.0; self.scene.variable_count()];
+        let mut nearest: Option<TimedDistance> = None;
+        for probe in 0..probes {
+            let share = (f64::from(probe) + 0.5) / f64::from(probes);
+            let time_s = share * (phases.to_s - phases.from_s);
+            self.write(phases, time_s, &mut hints, &mut positions);
+            let mut placed = self.scene.place(&positions, workspace).map_err(impossible)?;
+            let Some(pair) = placed.minimum(Accuracy::Shapes) else { continue };
+            if nearest.is_none_or(|least| pair.distance_m < least.pair.distance_m) {
+                nearest = Some(TimedDistance { time_s, pair });
+            }
+        }
+        Ok(nearest)
+    }
+
+    /// Writes where all are at a time since the phases begin.
+    fn write(&self, phases: &Phases, time_s: f64, hints: &mut [usize], positions: &mut [f64]) {
+        for (robot, (solid, hint)) in self.solids.iter().zip(hints).enumerate() {
+            let time_s = phases.from_s + time_s + self.shift_of(robot, phases);
+            let own = positions.get_mut(self.range(robot)).unwrap_or_default();
+            solid.write(time_s, hint, own);
+        }
     }
 
     fn shift_of(&self, robot: usize, phases: &Phases) -> f64 {

@@ -134,7 +134,7 @@ fn ways_that_cross_one_after_the_other_are_clear_in_step() {
     // Nearest are the centres at (-0.25, 0.25), by the symmetry of the two.
     let truth = 0.25 * 2.0_f64.sqrt() - 0.2;
     let bound = report.answer.distance_m.expect("told");
-    assert!(bound <= truth + 1e-9 && bound > 0.45 * truth, "{bound} m of {truth} m");
+    assert!(bound <= truth + 1e-9 && bound > 0.34 * truth, "{bound} m of {truth} m");
     assert_eq!(report.answer.links, Some(("a/ball".to_owned(), "b/ball".to_owned())));
 }
 
@@ -264,6 +264,7 @@ fn no_grid_finds_less_than_what_was_proved_of_two_arms() {
         let actors = [arm("left", y, pose(), pose()), arm("right", -y, pose(), pose())];
         let report = checked(&actors, 4.0, 0.3);
         let grid = grid_minimum(&actors, 4.0, 0.3);
+        assert!(report.states < 50_000, "case {case}: {} configurations", report.states);
         match &report.refusal {
             None => {
                 let bound = report.answer.distance_m.expect("both have shapes");
