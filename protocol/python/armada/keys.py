@@ -197,7 +197,7 @@ CELL_FRAMES: Final = Key(
 CELL_EVENTS: Final = Key(
     "CELL_EVENTS", "cell/events", ("cached",), "gateway", "Event", Channel.REPORT
 )
-"""The gateway's own audit trail, numbered without gaps."""
+"""Every robot's events and the gateway's own in one stream, numbered without gaps."""
 CELL_MOTION: Final = Key(
     "CELL_MOTION",
     "cell/motions/{id}",
