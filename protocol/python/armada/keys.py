@@ -51,9 +51,14 @@ def robot_of(key: str) -> str | None:
     return chunks[1]
 
 
+def is_robot_name(name: str) -> bool:
+    """Whether it has the form of a robot's name, which is one chunk of a key."""
+    return _ROBOT_NAME.fullmatch(name) is not None
+
+
 def check_robot_name(name: str) -> str:
     """The name itself; raises `ValueError` if it is not the name of a robot."""
-    if not _ROBOT_NAME.fullmatch(name):
+    if not is_robot_name(name):
         raise ValueError(
             f"{name[:80]!r} is not a robot name: 1 to 64 of a-z, 0-9 and _, beginning with a letter"
         )
