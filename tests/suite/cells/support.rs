@@ -9,7 +9,7 @@ use armada_protocol::messages::{
     Accepted, CellExecuteTrajectory, CellMotionStatus, StopLevel, StopRequest, StopScope,
 };
 use armada_protocol::method::cell::ExecuteTrajectory;
-use armada_tests::{DEADLINE, wait_for};
+use armada_tests::{Cell, DEADLINE, wait_for};
 use uuid::Uuid;
 
 const ARM: [(&str, f64); 6] = [
@@ -67,4 +67,11 @@ pub(crate) fn stop_request() -> StopRequest {
         reason: "test".to_owned(),
         seq: 0,
     }
+}
+
+/// Runs a command that has to succeed; returns what it printed.
+pub(crate) fn done(cell: &Cell, arguments: &[&str]) -> Result<String> {
+    let (printed, code) = cell.run(arguments)?;
+    assert_eq!(code, 0, "{arguments:?}: {printed}");
+    Ok(printed)
 }

@@ -58,6 +58,8 @@ class EventKind(OpenEnum):
     """A stream of commands began, starved or ended."""
     PRESENCE_CHANGED = "presence_changed"
     """A robot appeared in or vanished from the cell."""
+    EVENTS_LOST = "events_lost"
+    """Events of a robot that the gateway did not get."""
     DENIED = "denied"
     """A request was refused."""
     MODEL_REJECTED = "model_rejected"

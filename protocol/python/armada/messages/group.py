@@ -80,7 +80,7 @@ class GroupState(OpenEnum):
     """It comes to rest before its goal, or has."""
 
 
-class GroupHeartbeat(Message, frozen=True, kw_only=True):
+class GroupHeartbeat(Message, frozen=True, kw_only=True, omit_defaults=True):
     """`heartbeat`, every 20 ms from `commit` to the end: where the sender is on the common path."""
 
     motion_id: UUID
@@ -107,6 +107,9 @@ class GroupHeartbeat(Message, frozen=True, kw_only=True):
     """Highest rate it allows from `scale_next_from_s` on."""
     scale_next_from_s: float
     """Phase from which that counts [s]; all robots change there."""
+    scale_next_at_s: float | None = None
+    """Time since the common start from which it counts as well [s], where no phase goes on: the end
+    of a pause."""
 
 
 class GroupAbort(Message, frozen=True, kw_only=True, omit_defaults=True):
