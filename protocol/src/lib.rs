@@ -8,6 +8,7 @@
 //! publish                  the sending end of published keys
 //! serve                    the answering end, for agent and gateway
 //! client                   the asking end, for programs
+//! signature                keys that resets and check-ins are signed with
 //! ```
 //!
 //! Invariants: no other crate spells a key; a message that decodes is valid in itself; a refused
@@ -25,5 +26,6 @@ pub mod qos;
 mod robot_name;
 pub mod serve;
 pub mod session;
+pub mod signature;
 
 pub use robot_name::{RobotName, RobotNameError};

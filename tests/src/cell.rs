@@ -260,6 +260,7 @@ fn spawn_up(folder: &Path, options: &CellOptions) -> Result<Child> {
     let printed = File::create(folder.join("printed"))?;
     let mut command = Command::new(armada()?);
     command.arg("up").arg(folder.join("cell.yaml")).stdin(Stdio::null());
+    command.arg("--state-dir").arg(folder.join("state"));
     command.stdout(printed.try_clone()?).stderr(printed);
     if options.demo {
         let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/motions/handover.json");

@@ -26,6 +26,7 @@
 //! * A motion ends in a ramp from what was sent last, unless the stream breaks off.
 //! * Every request is answered once; every motion has one terminal status.
 
+mod acknowledge;
 mod authority;
 mod checkpoint;
 mod controller;
@@ -58,8 +59,8 @@ pub use io::{
     DelegateOrder, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder, Input,
     JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities, LoopEvent,
     LoopFault, LoopRequest, MAX_EVENTS, MAX_QUEUED, MAX_REQUESTS, MAX_RETIRED, MAX_SAMPLES,
-    MotionReport, Order, Output, Params, REDUCED_SHARE, Refusal, Retired, Snapshot, StreamChange,
-    StreamReport, StreamSample, StreamValues, TwistTarget,
+    MAX_STOP_TIME, MotionReport, Order, Output, Params, REDUCED_SHARE, Refusal, Retired, Snapshot,
+    StreamChange, StreamReport, StreamSample, StreamValues, TwistTarget, default_stop_time,
 };
 pub use state::{LoopState, ParamsError};
 pub use step::step;

@@ -8,6 +8,7 @@ use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError};
 use armada_protocol::messages::CommandMode;
 use arrayvec::ArrayVec;
 
+use super::acknowledge::Acknowledgement;
 use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::{Equipment, Owed};
@@ -62,6 +63,7 @@ pub struct LoopState {
     pub(super) owed_loads: Owed,
     pub(super) owed_tools: Owed,
     pub(super) values: PendingValues,
+    pub(super) acknowledgement: Acknowledgement,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -95,6 +97,8 @@ pub(super) struct Tick<'a> {
     pub(super) params: &'a Params,
     pub(super) now: MonoTime,
     pub(super) loop_error: bool,
+    /// Whether the stop gate is closed.
+    pub(super) stopped: bool,
     pub(super) output: &'a mut Output,
 }
 
@@ -171,6 +175,7 @@ impl LoopState {
             owed_loads: Owed::ALL,
             owed_tools: Owed::ALL,
             values: PendingValues::default(),
+            acknowledgement: Acknowledgement::default(),
         })
     }
 

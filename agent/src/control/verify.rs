@@ -151,7 +151,7 @@ impl LoopState {
             return;
         }
         self.change_mode(tick, CommandMode::Halt, End::Cancelled(Refusal::ModeLeft));
-        let wanted = tick.params.enable_on_start && self.stop.level().is_none();
+        let wanted = tick.params.enable_on_start && !tick.stopped && self.stop.level().is_none();
         if wanted && !feedback.enabled {
             self.controller.enable_until(tick.now + tick.params.request_timeout);
         }

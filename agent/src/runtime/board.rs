@@ -8,18 +8,19 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use armada_model::MonoTime;
 use armada_protocol::messages::{
-    AuthorityState, ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, LatchedStop,
-    LoopStatistics, ResetNeeds, RobotFlags, RobotStatus, StopLatch, StopLevel, StopStage,
-    StreamStatistics,
+    AuthorityState, ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, LoopStatistics,
+    RobotFlags, RobotStatus, StopStage, StreamStatistics,
 };
 use uuid::Uuid;
 
 use super::connected::Connected;
 use super::leases::Leases;
 use super::motion_log::MotionLog;
+use super::stop_latch::{ResetRules, StopRecord};
 use super::words::Vocabulary;
 use crate::control::{DroppedSamples, Granted, Refusal, Snapshot, StreamReport};
 use crate::drivers::LinkRefusal;
+use crate::stop_sources::StopSources;
 use tokio::sync::oneshot;
 
 /// The board behind its lock.
@@ -50,6 +51,8 @@ pub(super) struct Board {
     /// Why the controller does not serve this client, if it says so.
     pub(super) link_refusal: Option<LinkRefusal>,
     pub(super) stop: Option<StopRecord>,
+    pub(super) reset_rules: ResetRules,
+    pub(super) stop_sources: StopSources,
     /// Stages the loop has reported since the gate was closed, with their times.
     pub(super) stages: Vec<(StopStage, MonoTime)>,
     pub(super) statistics: LoopStatistics,
@@ -62,26 +65,10 @@ pub(super) struct Board {
     pub(super) next_ticket: u64,
 }
 
-/// A latched stop as the agent knows it.
-#[derive(Debug)]
-pub(super) struct StopRecord {
-    pub(super) level: StopLevel,
-    pub(super) stops: Vec<ReceivedStop>,
-    pub(super) stage: StopStage,
-    /// Names the state of the gate that a reset may open.
-    pub(super) gate_count: u64,
-}
-
-/// One stop of a [`StopRecord`].
-#[derive(Clone, Debug)]
-pub(super) struct ReceivedStop {
-    pub(super) stop: LatchedStop,
-    pub(super) received: MonoTime,
-}
-
 impl Board {
     /// A board on which nothing is known yet.
     pub(super) fn new(vocabulary: Vocabulary, boot_id: Uuid, snapshot: Snapshot) -> Self {
+        let robot = vocabulary.robot.clone();
         Self {
             vocabulary,
             boot_id,
@@ -92,6 +79,8 @@ impl Board {
             leases: Leases::default(),
             link_refusal: None,
             stop: None,
+            reset_rules: ResetRules::default(),
+            stop_sources: StopSources::new(robot, Vec::new(), MonoTime::ZERO),
             stages: Vec::new(),
             statistics: LoopStatistics::default(),
             panics: 0,
@@ -154,7 +143,7 @@ impl Board {
             operational_mode: snapshot.operational_mode,
             controller_state: snapshot.controller_state,
             flags: snapshot.flags,
-            stop: self.stop.as_ref().map(StopRecord::latch),
+            stop: self.latch(now),
             faults: self.all_faults(),
             authority: AuthorityState::Free,
             lease: snapshot.lease.map(|report| self.leases.lease(&report, now)),
@@ -164,7 +153,7 @@ impl Board {
             stream: snapshot.stream.map(|stream| statistics(&stream, now)),
             control_loop: self.statistics,
             dropped: self.all_dropped(),
-            stop_sources: Vec::new(),
+            stop_sources: self.stop_sources.status(now),
             why: Vec::new(),
             next: self.next_steps(),
         }
@@ -248,14 +237,6 @@ impl Board {
             }
             _ => Vec::new(),
         }
-    }
-}
-
-impl StopRecord {
-    fn latch(&self) -> StopLatch {
-        let stops = self.stops.iter().map(|received| received.stop.clone()).collect();
-        let reset = ResetNeeds::default();
-        StopLatch { level: self.level, stops, stage: self.stage, reset }
     }
 }
 

@@ -14,6 +14,7 @@ use std::time::Duration;
 use std::{io, mem};
 
 use armada_model::MonoTime;
+use armada_protocol::messages::StopLevel;
 use arrayvec::ArrayVec;
 
 use super::clock::{monotonic, sleep_until};
@@ -21,11 +22,11 @@ use super::link::Link;
 use super::mailbox::{Latest, LoopEnd};
 use super::meter::Meter;
 use super::realtime::{self, RealtimeReport};
-use super::stop_gate::StopGate;
+use super::stop_gate::{Closing, StopGate};
 use super::wake_log::WakeLog;
 use crate::config::RealtimeConfig;
 use crate::control::{Input, LoopEvent, LoopState, MAX_REQUESTS, Output, Params, Refusal, step};
-use crate::drivers::{Driver, Pacing};
+use crate::drivers::{Driver, Feedback, Pacing};
 use crate::recorder::Tape;
 
 /// Everything the loop thread owns or shares.
@@ -52,6 +53,8 @@ pub(super) struct LoopThread {
     pub(super) save: Arc<AtomicBool>,
     /// For who measures this loop.
     pub(super) wake_log: Option<WakeLog>,
+    /// Whether the controller's emergency stop was pressed when it was looked at last.
+    pub(super) emergency_stop: bool,
 }
 
 /// A running loop.
@@ -113,9 +116,11 @@ impl LoopThread {
     fn tick(&mut self, woke: MonoTime, deadline: MonoTime, carry: &mut Carry) {
         let driver = &mut self.driver;
         self.link.receive(|endpoint, _, bytes| driver.receive(woke, endpoint, bytes));
+        let feedback = driver.feedback().copied();
+        self.watch_emergency_stop(feedback.as_ref());
         let mut input = Input {
             now: deadline,
-            feedback: driver.feedback().copied(),
+            feedback,
             stop: self.gate.level(),
             loop_error: carry.loop_error,
             requests: ArrayVec::new(),
@@ -140,6 +145,22 @@ impl LoopThread {
         self.send(woke, &output);
         self.report(output, &mut carry.due);
         carry.asked.clear();
+    }
+
+    /// Closes the gate when the controller's emergency stop is pressed, before this tick's step
+    /// looks at it: no message comes in between.
+    fn watch_emergency_stop(&mut self, feedback: Option<&Feedback>) {
+        let Some(feedback) = feedback else { return };
+        let before = mem::replace(&mut self.emergency_stop, feedback.emergency_stop);
+        if before || !feedback.emergency_stop {
+            return;
+        }
+        let Closing { count: closing, raised } = self.gate.close(StopLevel::L1);
+        let event = LoopEvent::EmergencyStop { closing, raised };
+        if self.mailbox.events.push((monotonic(), event)).is_err() {
+            self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
+        }
+        self.publisher.unpark();
     }
 
     /// Answers the requests of a step that panicked. One that it had answered or left to wait may
@@ -183,6 +204,9 @@ impl LoopThread {
         let class = self.ticks_per_class.iter().any(|&ticks| seqno.is_multiple_of(ticks.max(1)));
         let something = sample || class || !output.events.is_empty() || !output.retired.is_empty();
         for event in output.events {
+            if let LoopEvent::StopRaised(level) = event {
+                self.gate.raise(level);
+            }
             if self.mailbox.events.push((said, event)).is_err() {
                 self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
             }
@@ -242,9 +266,7 @@ mod tests {
     use super::super::mailbox::mailbox;
     use super::*;
     use crate::control::{LoopRequest, Order};
-    use crate::drivers::{
-        Abilities, DriverRequest, Endpoint, Feedback, LinkCounters, SetPoint, Transmit,
-    };
+    use crate::drivers::{Abilities, DriverRequest, Endpoint, LinkCounters, SetPoint, Transmit};
 
     const PERIOD: Duration = Duration::from_millis(1);
 
@@ -328,6 +350,7 @@ mod tests {
             tape: None,
             save: Arc::default(),
             wake_log: None,
+            emergency_stop: false,
         };
         let running = running.start().expect("a thread");
         let deadline = monotonic() + Duration::from_secs(10);

@@ -181,9 +181,12 @@ impl Publisher {
 }
 
 /// What a status says of the robot's condition.
-const fn condition(snapshot: &Snapshot) -> (CommandMode, ControllerState, OperationalMode, u64) {
+type Condition = (CommandMode, ControllerState, OperationalMode, u64, Option<MonoTime>);
+
+/// The condition that a snapshot shows.
+const fn condition(snapshot: &Snapshot) -> Condition {
     let Snapshot { command_mode, controller_state, operational_mode, flags, .. } = *snapshot;
-    (command_mode, controller_state, operational_mode, flags.bits())
+    (command_mode, controller_state, operational_mode, flags.bits(), snapshot.acknowledged)
 }
 
 /// The wall clock at `stamp`, which lies a moment back.

@@ -27,8 +27,14 @@ struct Pair {
 
 impl Pair {
     async fn start() -> Self {
+        Self::start_with("").await
+    }
+
+    /// With more lines in the first robot file.
+    async fn start_with(more: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let files = ["left_arm", "right_arm"].map(|name| common::robot_file(folder.path(), name));
+        append(&files[0], more);
         let endpoint = free_endpoint();
         let emulations = files.each_ref().map(|file| Some(emulate(file)));
         let agent = Agent::start(options(&files, &endpoint)).await.expect("agent starts");
@@ -84,6 +90,7 @@ fn options(files: &[PathBuf], endpoint: &str) -> AgentOptions {
         connect: Some(Vec::new()),
         namespace: None,
         insecure_lan: false,
+        state_dir: None,
     }
 }
 
@@ -123,6 +130,33 @@ async fn a_stop_of_the_cell_stops_every_robot_of_an_agent() {
     for name in &pair.names {
         pair.status_when(name, |status| status.stop.is_some()).await;
     }
+    pair.agent.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn invariant_01_the_own_arm_is_stopped_before_the_cell_is_told() {
+    let pair = Pair::start_with("\nstop: {estop_stops_cell: true}\n").await;
+    let [left, right] = &pair.names;
+    let acks = pair.client.subscribe::<StopAck>("robots/*/stop/ack", 1000).await.expect("acks");
+    common::inject(pair.emulations[0].as_ref().expect("it runs"), "estop");
+    let stopped = pair.status_when(right, |status| status.stop.is_some()).await;
+    let cell = stopped.stop.expect("waited for").stops.remove(0);
+    assert_eq!((cell.source.as_str(), cell.level), ("left_arm", StopLevel::L1));
+    let two = |s: &RobotStatus| s.stop.as_ref().is_some_and(|stop| stop.stops.len() == 2);
+    let latch = pair.status_when(left, two).await.stop.expect("waited for");
+    let [own, told] = latch.stops.try_into().expect("its own, and the one for the cell");
+    assert_eq!((own.source.as_str(), told.stop_id), ("controller", cell.stop_id));
+    assert!(cell.reason.contains(&own.stop_id.to_string()), "{cell:?} names its cause");
+    let mut first = BTreeMap::new();
+    while let Ok(Some((_, ack))) = acks.try_next() {
+        if ack.stage == StopStage::Received {
+            first.entry((ack.robot, ack.stop_id)).or_insert(ack.stamp_ns);
+        }
+    }
+    // One process, so one clock.
+    let at = |robot: &RobotName, stop: &LatchedStop| first[&(robot.clone(), stop.stop_id)];
+    assert!(at(left, &own) < at(right, &told), "{first:?}");
+    assert!(at(left, &own) < at(left, &told), "{first:?}");
     pair.agent.shut_down().await;
 }
 

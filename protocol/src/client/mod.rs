@@ -3,6 +3,7 @@
 mod error;
 mod lease;
 mod stop;
+mod stop_source;
 mod stream;
 mod subscription;
 
@@ -19,6 +20,7 @@ use zenoh::{Session, Wait};
 pub use error::ClientError;
 pub use lease::LeaseKeeper;
 pub use stop::StopOptions;
+pub use stop_source::AnsweredStopSource;
 pub use stream::Stream;
 pub use subscription::Subscription;
 

@@ -19,13 +19,13 @@ pub use output::{
     DroppedSamples, Granted, LeaseChange, LeaseReport, LoopEvent, LoopFault, MotionReport, Output,
     Retired, Snapshot, StreamChange, StreamReport,
 };
-pub use params::{LoopAbilities, Params, REDUCED_SHARE};
+pub use params::{LoopAbilities, MAX_STOP_TIME, Params, REDUCED_SHARE, default_stop_time};
 pub use refusal::Refusal;
 
 /// Most requests one tick takes; the rest wait for the next.
 pub const MAX_REQUESTS: usize = 8;
 /// Most events one tick reports: three of each request, four answers to older ones, and what
-/// faults (8), stops (5) and motions (5, and one for each that waits), lease, stream and key
+/// faults (8), stops (6) and motions (5, and one for each that waits), lease, stream and key
 /// switch can say in one tick, with a reserve.
 pub const MAX_EVENTS: usize = 96;
 /// Most samples of streams one tick takes; the rest wait for the next.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use armada_model::{CompiledTrajectory, JointVector, MonoTime};
 use armada_protocol::messages::{
     ActionStatus, CommandMode, ControllerState, Executor, FaultCode, MotionKind, MotionProgress,
-    OperationalMode, RobotFlags, StopStage,
+    OperationalMode, RobotFlags, StopLevel, StopStage,
 };
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
@@ -89,6 +89,10 @@ pub struct Snapshot {
     pub parameters: Values<MAX_PARAMETERS>,
     /// Poses that the controller reports itself.
     pub tips: [Option<ReportedTip>; MAX_REPORTED_TIPS],
+    /// Whether the controller's emergency stop is pressed; `None` while it is not heard.
+    pub emergency_stop: Option<bool>,
+    /// When somebody at the arm acknowledged last.
+    pub acknowledged: Option<MonoTime>,
 }
 
 /// The lease in force.
@@ -159,6 +163,16 @@ pub enum LoopEvent {
     FaultsCleared,
     /// A stop reached a stage (never `Received`, which the gate reports).
     StopStage(StopStage),
+    /// Standstill was not measured in time, so the stop goes on at this higher level.
+    StopRaised(StopLevel),
+    /// The controller's emergency stop was pressed, and the gate is closed for it; said by the loop's
+    /// thread, which closes the gate, not by a step.
+    EmergencyStop {
+        /// Names the state of the gate.
+        closing: u64,
+        /// Whether the level rose by it.
+        raised: bool,
+    },
     /// The stop was reset.
     StopCleared,
     /// The lease was granted, given back, or ran out.

@@ -8,6 +8,7 @@ mod equipment;
 mod faults;
 mod flags;
 mod home;
+mod invariants;
 mod jog;
 mod jog_cartesian;
 mod jog_joint;

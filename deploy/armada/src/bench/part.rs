@@ -172,6 +172,7 @@ async fn serve_agent(robots: Vec<PathBuf>, endpoint: String) -> anyhow::Result<(
         connect: Some(Vec::new()),
         namespace: None,
         insecure_lan: false,
+        state_dir: None,
     };
     let agent = Agent::start_measured(options, logs).await?;
     let scheduling = agent.realtime().next().map(|(_, how)| how.to_string());
