@@ -6,8 +6,8 @@ use tracing::Level;
 use crate::bench;
 use crate::commands::{
     call, clearance, completions, control, events, home, info, jog, kinematics, lease, model,
-    modes, moves, payload, process, replay, reset, run, status, stop, stop_button, tool, up, values,
-    watch, why,
+    modes, moves, payload, process, replay, reset, run, status, stop, stop_button, tool, up,
+    values, watch, why,
 };
 use crate::exit;
 use crate::logging::LogFormat;
