@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::messages::*;
+use armada_protocol::signature::SigningKey;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -138,4 +139,15 @@ fn no_sample_is_left_unread() {
     let mut names: Vec<&str> = NAMES.to_vec();
     names.sort_unstable();
     assert_eq!(files, names);
+}
+
+#[test]
+fn the_sample_of_a_signed_reset_is_signed_for_the_sample_of_a_status() {
+    let read = |name: &str| fs::read(folder().join(name)).expect("a golden sample");
+    let status: RobotStatus = serde_json::from_slice(&read("robot_status.json")).expect("a status");
+    let request: Request<ResetParams> =
+        serde_json::from_slice(&read("request_reset.json")).expect("a request");
+    let key = SigningKey::from_bytes(b"golden reset key").expect("a key");
+    let params = status.stop.expect("a stop").reset_params();
+    assert_eq!(key.sign_reset(&status.robot, status.boot_id, params), request.params);
 }

@@ -4,7 +4,7 @@ use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result};
-use armada_tests::{Cell, CellOptions, DEADLINE, armada, python, signal, wait_for};
+use armada_tests::{Cell, CellOptions, DEADLINE, armada, signal, wait_for};
 use rustix::process::Signal;
 use serde_json::Value;
 
