@@ -194,7 +194,10 @@ impl LoopState {
                 tick.now.saturating_since(held.deadline).as_secs_f64() < time_s
             }
         };
-        if !may_go_on {
+        if !may_go_on && self.end_together(Refusal::LeaseLost) {
+            // It comes to rest with its partners.
+            self.drop_waiting(tick, 0, Refusal::LeaseLost);
+        } else if !may_go_on {
             self.end_motion(tick, End::Failed(Refusal::LeaseLost));
             self.decelerate(tick);
         } else {

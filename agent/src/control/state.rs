@@ -11,6 +11,7 @@ use arrayvec::ArrayVec;
 use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::{Equipment, Owed};
+use super::group::GroupMachine;
 use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
 use super::motion::{Brake, End, Motion, OwnMotion, Waiting};
@@ -62,6 +63,8 @@ pub struct LoopState {
     pub(super) owed_loads: Owed,
     pub(super) owed_tools: Owed,
     pub(super) values: PendingValues,
+    /// The motion of several robots that this one takes part in, until all know that it has ended.
+    pub(super) group: Option<GroupMachine>,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -171,6 +174,7 @@ impl LoopState {
             owed_loads: Owed::ALL,
             owed_tools: Owed::ALL,
             values: PendingValues::default(),
+            group: None,
         })
     }
 

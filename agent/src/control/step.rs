@@ -20,6 +20,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
         snapshot: state.snapshot(params, input.now, None),
         events: ArrayVec::new(),
         retired: ArrayVec::new(),
+        group: ArrayVec::new(),
     };
     let (now, loop_error) = (input.now, input.loop_error);
     let mut tick = Tick { params, now, loop_error, output: &mut output };
@@ -31,7 +32,9 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     for request in input.requests.drain(..) {
         state.take(&mut tick, request);
     }
+    state.hear_partners(input.group.drain(..));
     state.take_samples(&mut tick, input.stream.drain(..));
+    state.keep_together(&mut tick);
     tick.output.command = state.set_point(&mut tick);
     state.watch_standstill(&tick);
     tick.output.driver_request = state
@@ -42,6 +45,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     state.climb(&mut tick);
     state.answer_pending(&mut tick);
     state.answer_values(&mut tick);
+    output.group = state.tell_partners(now);
     output.snapshot = state.snapshot(params, now, output.command.as_ref());
     output
 }
@@ -89,6 +93,7 @@ impl LoopState {
             signals: feedback.map_or(Values::EMPTY, |feedback| feedback.signals),
             parameters: feedback.map_or(Values::EMPTY, |feedback| feedback.parameters),
             tips: feedback.map_or([None; MAX_REPORTED_TIPS], |feedback| feedback.tips),
+            group: self.group_report(),
         }
     }
 }

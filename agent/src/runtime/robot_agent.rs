@@ -23,6 +23,7 @@ use super::bus::{self, Keys};
 use super::clock::monotonic;
 use super::desk::{Desk, Inboxes, Remark};
 use super::equipment::SharedEquipment;
+use super::groups::Groups;
 use super::link::Link;
 use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
@@ -78,7 +79,10 @@ impl RobotAgent {
         let shared = Shared::new(session, robot).await?;
         let (loop_end, publisher_end, clients) = mailbox(shared.board.lock().snapshot);
         let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
-        let publisher = shared.publisher(session, robot, publisher_end, to_desk).await?;
+        let words = (Arc::clone(&shared.board), clients.words);
+        let groups = Groups::new(session.clone(), name.clone(), shared.boot_id, words);
+        let told = (publisher_end, to_desk, Arc::clone(&groups));
+        let publisher = shared.publisher(session, robot, told).await?;
         // From here on an error drops the threads, which ends them.
         let mut threads = Threads::new(Arc::clone(&shared.shutdown));
         let publisher = threads.publish(publisher, &robot.config, span.clone())?;
@@ -102,7 +106,7 @@ impl RobotAgent {
             clients.requests,
             cleared_seen,
             remarks.clone(),
-            recorder,
+            (recorder, groups),
         ));
         let streams = StreamIntake::open(session, robot, clients.samples, &shared.board).await;
         let streams = streams.map_err(bus::zenoh_error)?;
@@ -201,8 +205,7 @@ impl Shared {
     async fn new(session: &Session, robot: &Robot) -> Result<Self, AgentError> {
         let boot_id = Uuid::now_v7();
         let first = first_snapshot(&robot.params)?;
-        let vocabulary =
-            Vocabulary { robot: robot.config.robot.clone(), joints: robot.joints.clone() };
+        let vocabulary = Vocabulary::new(robot.config.robot.clone(), robot.joints.clone());
         let info = robot.info(boot_id);
         let publisher = bus::declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
         Ok(Self {
@@ -220,8 +223,7 @@ impl Shared {
         &self,
         session: &Session,
         robot: &Robot,
-        mailbox: PublisherEnd,
-        desk: mpsc::Sender<StampedEvent>,
+        (mailbox, desk, groups): (PublisherEnd, mpsc::Sender<StampedEvent>, Arc<Groups>),
     ) -> Result<Publisher, AgentError> {
         let encoding = robot.config.publish.encoding;
         let (state, joint_states) = (&keys::ROBOT_STATE, &keys::ROBOT_JOINT_STATES);
@@ -232,6 +234,7 @@ impl Shared {
         }
         Ok(Publisher {
             mailbox,
+            groups,
             board: Arc::clone(&self.board),
             desk,
             state: bus::declare_latest(session, robot, state, encoding).await?,
@@ -324,12 +327,13 @@ impl Shared {
         orders: Producer<LoopRequest>,
         cleared: watch::Receiver<u64>,
         remarks: mpsc::Sender<Remark>,
-        recorder: Option<Recorder>,
+        (recorder, groups): (Option<Recorder>, Arc<Groups>),
     ) -> Requests {
         Requests {
             board: Arc::clone(&self.board),
             gate: Arc::clone(&self.gate),
             recorder,
+            groups,
             params: robot.params.clone(),
             limits: robot.limits,
             joint_names: robot.joint_names(),

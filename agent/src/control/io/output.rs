@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use armada_model::{CompiledTrajectory, JointVector, MonoTime};
 use armada_protocol::messages::{
-    ActionStatus, CommandMode, ControllerState, Executor, FaultCode, MotionKind, MotionProgress,
-    OperationalMode, RobotFlags, StopStage,
+    ActionStatus, CommandMode, ControllerState, Executor, FaultCode, GroupQuality, MotionKind,
+    MotionProgress, OperationalMode, RobotFlags, StopStage,
 };
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,7 @@ use uuid::Uuid;
 
 use super::{MAX_EVENTS, MAX_RETIRED, Refusal};
 use crate::control::equipment::Equipment;
+use crate::control::group::{GroupReport, GroupSay, MAX_SAID};
 use crate::drivers::{
     DriverRequest, MAX_PARAMETERS, MAX_REPORTED_TIPS, MAX_SIGNAL_VALUES, ReportedTip, SetPoint,
     Values,
@@ -31,6 +32,8 @@ pub struct Output {
     pub events: ArrayVec<LoopEvent, MAX_EVENTS>,
     /// What is no longer used, to be dropped outside the loop.
     pub retired: ArrayVec<Retired, MAX_RETIRED>,
+    /// What is to be said to partners, in order.
+    pub group: ArrayVec<GroupSay, MAX_SAID>,
 }
 
 /// Something on the heap that the loop no longer uses.
@@ -89,6 +92,8 @@ pub struct Snapshot {
     pub parameters: Values<MAX_PARAMETERS>,
     /// Poses that the controller reports itself.
     pub tips: [Option<ReportedTip>; MAX_REPORTED_TIPS],
+    /// The motion of several robots that this one takes part in, or did a moment ago.
+    pub group: Option<GroupReport>,
 }
 
 /// The lease in force.
@@ -226,6 +231,8 @@ pub struct MotionReport {
     pub started: Option<MonoTime>,
     /// Progress.
     pub progress: MotionProgress,
+    /// At its end: how well it kept together with its partners, if it has any.
+    pub group: Option<GroupQuality>,
 }
 
 /// A fault with its numbers.

@@ -34,6 +34,7 @@ use uuid::Uuid;
 use super::course::{Entry, Exit, Leg};
 use super::trajectory::{Speed, StartPoint, TrajectoryMotion, check_near, check_suits};
 use super::{End, Motion, Source};
+use crate::control::grouping::check_group;
 use crate::control::io::{FollowOrder, LoopEvent, MAX_QUEUED, MotionReport, Refusal, Retired};
 use crate::control::state::{LoopState, Tick};
 
@@ -88,7 +89,7 @@ impl Waiting {
             queued: 0,
         };
         let (id, kind, executor) = (self.id, self.kind, Executor::Agent);
-        MotionReport { id, kind, executor, status, reason, started: None, progress }
+        MotionReport { id, kind, executor, status, reason, started: None, progress, group: None }
     }
 
     fn motion(&self, trajectory: TrajectoryMotion) -> Motion {
@@ -123,6 +124,7 @@ impl LoopState {
         self.check_homed()?;
         let feedback = self.condition.feedback().ok_or(Refusal::CommunicationLost)?;
         check_suits(&order, tick.params, !feedback.joint_velocity.is_empty())?;
+        check_group(&order, tick.now)?;
         if self.knows(order.id) {
             return Err(Refusal::Busy(order.id));
         }
@@ -152,6 +154,7 @@ impl LoopState {
             planned => planned?,
         };
         self.set_motion(order, trajectory);
+        self.join_group(order);
         Ok(())
     }
 
@@ -239,7 +242,11 @@ impl LoopState {
             return Ok(());
         }
         motion.cancelling = true;
-        if motion.is_controllers() {
+        if self.end_together(Refusal::Cancelled) {
+            self.drop_waiting(tick, 0, Refusal::QueueBroken);
+            return Ok(());
+        }
+        if self.motion.as_ref().is_some_and(Motion::is_controllers) {
             // Ends when the controller has shown that it stopped.
             self.stop_own_motion();
             return Ok(());
@@ -267,6 +274,12 @@ impl LoopState {
         if motion.cancelling {
             return Err(Refusal::StillMoving);
         }
+        if let Some(group) = self.shared_pace() {
+            // Said to be paused when all are to be.
+            group.set_paused(paused);
+            return Ok(());
+        }
+        let motion = self.motion.as_mut().ok_or(Refusal::NoSuchMotion)?;
         let period_s = tick.period_s();
         match &mut motion.source {
             Source::Trajectory(trajectory) if !trajectory.is_common() => {
@@ -284,12 +297,7 @@ impl LoopState {
             }
             _ => return Err(Refusal::NotPausable),
         }
-        let status = match (paused, motion.started) {
-            (true, _) => ActionStatus::Paused,
-            (false, Some(_)) => ActionStatus::Running,
-            (false, None) => ActionStatus::Queued,
-        };
-        let report = motion.report(status, None, period_s);
+        let report = motion.report(motion.status(), None, period_s);
         tick.event(LoopEvent::Motion(report));
         Ok(())
     }
@@ -310,6 +318,10 @@ impl LoopState {
             return Err(Refusal::Busy(*id));
         }
         self.speed_ratio = ratio;
+        if let Some(group) = self.shared_pace() {
+            group.set_ratio(ratio);
+            return Ok(());
+        }
         if let Some(Motion { source: Source::Trajectory(trajectory), .. }) = &mut self.motion {
             trajectory.set_ratio(ratio, &self.limits, tick.period_s());
         }
@@ -321,6 +333,10 @@ impl LoopState {
         let period_s = tick.period_s();
         let speed = self.speed(tick);
         let Some(next) = self.queue.first().filter(|next| next.blended) else { return };
+        if self.group.is_some() {
+            // Partners know where this motion ends, not where another would lead.
+            return;
+        }
         let Some(Motion { source: Source::Trajectory(now), cancelling: false, .. }) =
             &mut self.motion
         else {

@@ -7,6 +7,7 @@ mod delegated;
 mod equipment;
 mod faults;
 mod flags;
+mod group;
 mod home;
 mod jog;
 mod jog_cartesian;

@@ -1,6 +1,7 @@
 //! The methods under `rpc/`: requests become orders for the loop, its answers become replies.
 
 mod equipment;
+mod group;
 mod jog;
 mod kinematics;
 mod lease;
@@ -34,6 +35,7 @@ use super::board::{Board, SharedBoard};
 use super::clock::monotonic;
 use super::desk::Remark;
 use super::equipment::SharedEquipment;
+use super::groups::Groups;
 use super::motion_log::queued;
 use super::recordings::Recorder;
 use super::stop_gate::StopGate;
@@ -65,6 +67,8 @@ pub(super) struct Requests {
     pub(super) boot_id: Uuid,
     /// None if nothing is recorded.
     pub(super) recorder: Option<Recorder>,
+    /// The keys of motions of several robots.
+    pub(super) groups: Arc<Groups>,
 }
 
 /// Who asks, and under which lease.

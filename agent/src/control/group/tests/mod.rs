@@ -1,0 +1,4 @@
+mod explore;
+mod network;
+mod unit;
+mod world;
