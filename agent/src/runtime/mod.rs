@@ -42,6 +42,7 @@ mod recordings;
 mod requests;
 mod robot;
 mod robot_agent;
+mod self_collision;
 mod stop_gate;
 mod stop_intake;
 mod stream_intake;

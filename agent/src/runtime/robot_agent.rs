@@ -33,6 +33,7 @@ use super::realtime::RealtimeReport;
 use super::recordings::{Recorder, Recordings};
 use super::requests::{MAX_WAITS, Requests};
 use super::robot::Robot;
+use super::self_collision::SelfCollision;
 use super::stop_gate::StopGate;
 use super::stop_intake::StopIntake;
 use super::stream_intake::StreamIntake;
@@ -334,6 +335,7 @@ impl Shared {
             gate: Arc::clone(&self.gate),
             recorder,
             groups,
+            own_links: own_links(robot),
             params: robot.params.clone(),
             limits: robot.limits,
             joint_names: robot.joint_names(),
@@ -348,6 +350,17 @@ impl Shared {
             chain_names: robot.chain_names(),
             waits: Semaphore::new(MAX_WAITS),
             boot_id: self.boot_id,
+        }
+    }
+}
+
+/// The robot's own links, if they have shapes that can be used.
+fn own_links(robot: &Robot) -> Option<Arc<SelfCollision>> {
+    match SelfCollision::of(&robot.model, &robot.joint_names()) {
+        Ok(own) => own.map(Arc::new),
+        Err(error) => {
+            warn!(%error, "the robot's own links are not checked: a shape cannot be used");
+            None
         }
     }
 }

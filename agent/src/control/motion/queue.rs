@@ -333,16 +333,14 @@ impl LoopState {
         let period_s = tick.period_s();
         let speed = self.speed(tick);
         let Some(next) = self.queue.first().filter(|next| next.blended) else { return };
-        if self.group.is_some() {
-            // Partners know where this motion ends, not where another would lead.
-            return;
-        }
         let Some(Motion { source: Source::Trajectory(now), cancelling: false, .. }) =
             &mut self.motion
         else {
             return;
         };
-        let share = SHARES.get(usize::from(now.attempts)).filter(|_| now.has_begun());
+        // Partners know where this motion ends, not where another would lead.
+        let alone = now.has_begun() && !now.has_partners();
+        let share = SHARES.get(usize::from(now.attempts)).filter(|_| alone);
         let Some(share) = share.filter(|_| now.course.exit.is_none()) else { return };
         now.attempts += 1;
         let tolerance = blend_tolerance(now, next, &tick.params.tracking_tolerance);

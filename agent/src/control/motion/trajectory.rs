@@ -210,6 +210,11 @@ impl TrajectoryMotion {
         self.start.is_some() && self.coupling.is_none()
     }
 
+    /// Whether it is followed together with other robots.
+    pub(super) const fn has_partners(&self) -> bool {
+        self.coupling.is_some()
+    }
+
     /// Whether its pace is that of all its partners.
     pub(in crate::control) const fn shares_pace(&self) -> bool {
         matches!(self.coupling, Some(Coupling::TimeSynced | Coupling::Rigid))

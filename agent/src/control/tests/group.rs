@@ -32,12 +32,25 @@ struct Pair {
 impl Pair {
     /// Two robots that are to start together in a tenth of a second.
     fn committed(coupling: Coupling) -> Self {
-        Self::committed_under(coupling, LeaseLoss::StopOnPath, None)
+        Self::committed_after(coupling, |_, _| {})
     }
 
-    fn committed_under(coupling: Coupling, on_lease_loss: LeaseLoss, lease: Option<Uuid>) -> Self {
+    /// The same of robots to which something was done before.
+    fn committed_after(coupling: Coupling, before: impl Fn(usize, &mut Rig)) -> Self {
+        Self::committed_under(coupling, LeaseLoss::StopOnPath, None, before)
+    }
+
+    fn committed_under(
+        coupling: Coupling,
+        on_lease_loss: LeaseLoss,
+        lease: Option<Uuid>,
+        before: impl Fn(usize, &mut Rig),
+    ) -> Self {
         let mut rigs = [0, 1].map(|_| Rig::in_mode(CommandMode::Trajectory));
-        let start = rigs[0].now + Duration::from_millis(100);
+        for (index, rig) in rigs.iter_mut().enumerate() {
+            before(index, rig);
+        }
+        let start = rigs[0].now.max(rigs[1].now) + Duration::from_millis(100);
         for rig in &mut rigs {
             if let Some(lease) = lease {
                 let ttl = Duration::from_millis(600);
@@ -253,8 +266,10 @@ fn a_speed_ratio_of_one_is_that_of_both_and_of_what_starts_later() {
     pair.rigs[0].order(Order::SetSpeedRatio(1.0));
     pair.ticks(150);
     assert_eq!(pair.rates(), [1.0, 1.0]);
-    let mut pair = Pair::committed(TimeSynced);
-    pair.rigs[1].order(Order::SetSpeedRatio(0.25));
+    let mut pair = Pair::committed_after(TimeSynced, |index, rig| {
+        let ratio = if index == 0 { 1.0 } else { 0.25 };
+        rig.ask(Order::SetSpeedRatio(ratio)).expect("granted");
+    });
     pair.ticks(60);
     assert_eq!(pair.rates(), [0.25, 0.25]);
 }
@@ -303,12 +318,12 @@ fn drives_that_go_off_end_the_motion_of_both() {
 fn a_lease_that_runs_out_ends_the_group_or_not_as_it_was_told() {
     let lease = Some(Uuid::from_u128(77));
     for coupling in [TimeSynced, Rigid] {
-        let mut pair = Pair::committed_under(coupling, LeaseLoss::StopOnPath, lease);
+        let mut pair = Pair::committed_under(coupling, LeaseLoss::StopOnPath, lease, |_, _| {});
         let ends = pair.end();
         assert!(ends.iter().all(|end| end.status == Failed), "{ends:?}");
         assert!(ends.iter().any(|end| end.reason == Some(Refusal::LeaseLost)), "{ends:?}");
     }
-    let mut pair = Pair::committed_under(TimeSynced, LeaseLoss::Finish, lease);
+    let mut pair = Pair::committed_under(TimeSynced, LeaseLoss::Finish, lease, |_, _| {});
     assert_eq!(pair.end().map(|end| end.status), [Complete; 2]);
 }
 

@@ -75,10 +75,7 @@ impl Requests {
         let loss = Duration::from_millis(params.loss_ms);
         let window_s = (loss + self.params.period).as_secs_f64();
         let start = StartTravel::of(trajectory, window_s);
-        let (curve, limits) = (Arc::clone(trajectory), self.limits);
-        let looked = tokio::task::spawn_blocking(move || Readiness::of(&curve, &limits));
-        let failed = || Denial::new(DenialCode::Internal, "the trajectory could not be looked at");
-        let readiness = looked.await.ok().and_then(Result::ok).ok_or_else(failed)?;
+        let readiness = self.look_at(trajectory).await?;
         if params.coupling == Coupling::Rigid {
             self.check_rigid(trajectory, &readiness, (start, window_s))?;
         }
@@ -99,6 +96,21 @@ impl Requests {
             model_rev,
         };
         Ok((PreparedGroup { order, rate_slope_s }, answer))
+    }
+
+    /// What takes too long for a task: own links, stops and changes of the rate.
+    async fn look_at(&self, trajectory: &Arc<CompiledTrajectory>) -> Result<Readiness, Denial> {
+        let failed = |_| Denial::new(DenialCode::Internal, "the trajectory could not be looked at");
+        let (curve, limits) = (Arc::clone(trajectory), self.limits);
+        let own_links = self.own_links.clone();
+        let looked = tokio::task::spawn_blocking(move || {
+            if let Some(own_links) = own_links {
+                own_links.check(&curve)?;
+            }
+            Readiness::of(&curve, &limits)
+                .map_err(|error| Denial::new(DenialCode::Internal, error.to_string()))
+        });
+        looked.await.map_err(failed)?
     }
 
     fn check_partners(&self, params: &GroupParams) -> Result<(), Denial> {

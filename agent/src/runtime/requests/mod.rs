@@ -38,6 +38,7 @@ use super::equipment::SharedEquipment;
 use super::groups::Groups;
 use super::motion_log::queued;
 use super::recordings::Recorder;
+use super::self_collision::SelfCollision;
 use super::stop_gate::StopGate;
 use crate::control::{Granted, LoopRequest, Order, Params};
 use crate::drivers::Abilities;
@@ -69,6 +70,8 @@ pub(super) struct Requests {
     pub(super) recorder: Option<Recorder>,
     /// The keys of motions of several robots.
     pub(super) groups: Arc<Groups>,
+    /// The robot's own links, if they have shapes.
+    pub(super) own_links: Option<Arc<SelfCollision>>,
 }
 
 /// Who asks, and under which lease.

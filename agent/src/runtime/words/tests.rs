@@ -99,7 +99,8 @@ fn partner(fault: PartnerFault) -> Refusal {
 }
 
 /// Codes that no refusal of the loop has, and where they are produced and tested.
-const ELSEWHERE: [(DenialCode, &str); 5] = [
+const ELSEWHERE: [(DenialCode, &str); 6] = [
+    (DenialCode::Collision, "own links, self_collision.rs; the gateway"),
     (DenialCode::AlreadyAttached, "tools and payloads, agent/tests/equipment.rs"),
     (DenialCode::Unreachable, "inverse kinematics, agent/tests/moves.rs; the gateway"),
     (DenialCode::TooLarge, "codec.rs: a payload above the limit; here: a long trajectory"),
@@ -108,10 +109,8 @@ const ELSEWHERE: [(DenialCode, &str); 5] = [
 ];
 
 /// Codes whose methods are built by others, or later.
-const LATER: [(DenialCode, &str); 2] = [
-    (DenialCode::StaleSequence, "streams count such samples; no request has a number yet"),
-    (DenialCode::Collision, "collision checks"),
-];
+const LATER: [(DenialCode, &str); 1] =
+    [(DenialCode::StaleSequence, "streams count such samples; no request has a number yet")];
 
 #[test]
 fn every_refusal_has_its_code_and_words_of_the_house() {
