@@ -331,7 +331,7 @@ impl GroupMachine {
         }
         let own = self.own;
         let before = self.scale.at(own.phase_s, time_s);
-        let lead_s = (self.order.loss + BEAT).as_secs_f64();
+        let lead_s = self.lead_s();
         let (target, _) = self.target(time_s);
         self.scale = if self.rests() {
             let (from_s, at_s) = (own.phase_s + lead_s, Some(time_s + lead_s));
@@ -343,6 +343,13 @@ impl GroupMachine {
             return;
         };
         self.changed = true;
+    }
+
+    /// How long before it counts a step is announced \[s\]: until then each partner has heard it, or
+    /// noticed that it heard nothing. One whose start was shifted is there sooner.
+    fn lead_s(&self) -> f64 {
+        let sooner = self.partners.iter().map(|partner| -partner.base_s);
+        (self.order.loss + BEAT).as_secs_f64() + sooner.fold(0.0, f64::max)
     }
 
     /// Whether all robots have come past the step that was announced last.

@@ -9,6 +9,9 @@ use super::words::{Beat, Word};
 /// How much slower than it was the quickest way may become without its being noticed, for clocks
 /// that drift apart \[s/s\].
 const CREEP: f64 = 1e-4;
+/// By how much starts may be shifted against each other \[s\]: robots whose controllers are later begin
+/// earlier.
+const SHIFT_S: f64 = 0.05;
 
 /// What is known of one partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,8 +24,9 @@ pub(super) struct Partner {
     pub(super) beat: Option<Beat>,
     /// When that came in.
     heard: MonoTime,
-    /// What a heartbeat's time and its arrival differ by at least \[s\]: drift of the clocks.
-    base_s: f64,
+    /// What a heartbeat's time and its arrival differ by at least \[s\]: shift of the starts, drift of
+    /// the clocks.
+    pub(super) base_s: f64,
     /// How far the own robot was ahead of it when it was heard last \[s\].
     pub(super) ahead_s: f64,
     /// Whether its newest heartbeat was not compared yet.
@@ -43,8 +47,9 @@ impl Partner {
         if self.beat.is_some_and(|newest| beat.seq <= newest.seq) {
             return;
         }
-        let passed_s = self.beat.map_or(0.0, |newest| (beat.time_s - newest.time_s).max(0.0));
-        self.base_s = (self.base_s + CREEP * passed_s).min(at_s - beat.time_s);
+        let passed_s = self.beat.map(|newest| (beat.time_s - newest.time_s).max(0.0));
+        let base_s = passed_s.map_or(SHIFT_S, |passed_s| self.base_s + CREEP * passed_s);
+        self.base_s = base_s.min(at_s - beat.time_s);
         (self.heard, self.is_new) = (at, true);
         self.beat = Some(beat);
         if beat.state == GroupState::Aborting {

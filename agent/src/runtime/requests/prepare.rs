@@ -44,6 +44,11 @@ impl Requests {
         // wait for it.
         let trajectory = self.compile(&params.trajectory, &self.limits_of_moves())?;
         let epoch = self.check_ready_to_follow(&asker, &trajectory)?;
+        if params.group.is_some() && params.motion_id.is_none() {
+            let text = "motion_id is left out, but all robots of a group need the same";
+            let denial = Denial::new(DenialCode::InvalidArgument, text);
+            return Err(denial.with("field", "motion_id"));
+        }
         let group = match &params.group {
             Some(group) => Some(self.prepare_group(group, &trajectory).await?),
             None => None,

@@ -2,8 +2,8 @@ use std::time::Duration;
 
 use armada_protocol::messages::{Coupling, GroupState};
 
-use super::world::{LOSS, PERIOD, World, perfect};
-use crate::control::{PartnerFault, Refusal, Say};
+use super::world::{GROUP, LOSS, PERIOD, World, order, perfect};
+use crate::control::{GroupMachine, PartnerFault, Refusal, Say};
 
 use Coupling::{Independent, Rigid, TimeSynced};
 
@@ -83,6 +83,27 @@ fn heartbeats_that_were_held_up_do_not_make_a_partner_look_alive() {
     let mut slow = |_: usize, _: usize, _: &Say| vec![held_up];
     world.until("the end", &mut slow, |world| world.robots.iter().all(|r| r.ended.is_some()));
     assert!(matches!(fault(&world, 0), Some(PartnerFault::Silent(_))), "{:?}", fault(&world, 0));
+}
+
+#[test]
+fn a_start_that_is_shifted_for_a_later_controller_is_no_silence_and_no_divergence() {
+    let mut world = World::new(TimeSynced, 2, 2.0);
+    let shifted = world.now + Duration::from_millis(150 + 40);
+    let machine = GroupMachine::new(GROUP, &order(TimeSynced, 1), shifted, 1.0);
+    world.robots[1].machine = machine;
+    world.until("the start", &mut perfect, running);
+    world.ticks(50, &mut perfect);
+    for paused in [true, false] {
+        world.robots[0].machine.set_paused(paused);
+        world.ticks(300, &mut perfect);
+    }
+    world.until("the end", &mut perfect, |world| world.robots.iter().all(|r| !r.moves()));
+    for robot in &world.robots {
+        assert_eq!(robot.state(), GroupState::Done, "{:?}", robot.ended);
+        let quality = robot.machine.report().quality;
+        assert!(quality.max_silence_ms < 30.0, "{quality:?}");
+        assert!(quality.max_divergence_ms < 3.0, "{quality:?}");
+    }
 }
 
 #[test]
@@ -204,7 +225,7 @@ fn words_of_another_motion_and_of_nobody_do_not_count() {
         word: crate::control::Word::Go,
     };
     machine.hear(&word);
-    machine.hear(&crate::control::GroupWord { group: super::world::GROUP, partner: 9, ..word });
+    machine.hear(&crate::control::GroupWord { group: GROUP, partner: 9, ..word });
     assert_eq!(machine, world.robots[0].machine);
     world.tick(&mut perfect);
 }
