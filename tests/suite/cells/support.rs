@@ -116,10 +116,3 @@ pub(crate) fn stop_request() -> StopRequest {
         seq: 0,
     }
 }
-
-/// Runs a command that has to succeed; returns what it printed.
-pub(crate) fn done(cell: &Cell, arguments: &[&str]) -> Result<String> {
-    let (printed, code) = cell.run(arguments)?;
-    assert_eq!(code, 0, "{arguments:?}: {printed}");
-    Ok(printed)
-}
