@@ -235,7 +235,8 @@ fn what_may_go_on_without_its_sub_lease_keeps_it_in_sight_and_can_be_recovered()
 
 #[test]
 fn the_loss_of_the_lease_above_ends_what_moves_under_a_sub_lease() {
-    let losses: [(&str, fn(&mut Rig), ActionStatus, Refusal); 3] = [
+    type Loss = fn(&mut Rig);
+    let losses: [(&str, Loss, ActionStatus, Refusal); 3] = [
         (
             "released",
             |rig| assert!(rig.ask(Order::ReleaseLease(MAIN)).is_ok()),
