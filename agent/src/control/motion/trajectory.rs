@@ -23,6 +23,7 @@
 //! planned when the order is taken and begun early enough that clock zero falls on the instant:
 //! robots that start together do so, whatever small distance each had to go. If there is no
 //! time for it, or the tick comes more than a period late, the start is missed and nothing moves.
+//! With partners that wait for each other it may be as late as their phases may be apart.
 //!
 //! The last set-point is the last waypoint, bit for bit; then the motion is complete, and the
 //! position is held.
@@ -65,6 +66,8 @@ pub(in crate::control) struct TrajectoryMotion {
     held: bool,
     /// How closely it is tied to its partners, if it has any.
     coupling: Option<Coupling>,
+    /// How late it may start.
+    patience: Duration,
     hint: usize,
     waypoint: usize,
     /// Places at which a way into the next trajectory was looked for.
@@ -146,7 +149,9 @@ impl TrajectoryMotion {
         let leg = Leg::new(Arc::clone(&order.trajectory));
         let opening = Opening::Planned(lead_in);
         let coupling = order.group.map(|group| group.coupling);
-        Ok(Self { start: order.start, opening, coupling, ..Self::on(leg, order.kind, speed) })
+        let (start, patience) = (order.start, patience(order, period));
+        let motion = Self::on(leg, order.kind, speed);
+        Ok(Self { start, patience, opening, coupling, ..motion })
     }
 
     /// To be begun when the robot stands, from wherever that is.
@@ -178,6 +183,7 @@ impl TrajectoryMotion {
             paused: false,
             held: false,
             coupling: None,
+            patience: Duration::ZERO,
             hint: 0,
             waypoint: 0,
             attempts: 0,
@@ -491,7 +497,7 @@ impl TrajectoryMotion {
         if let Some(state) = lead_in.as_mut().and_then(|lead_in| lead_in.next(period)) {
             return Some(Next::Approaching(state));
         }
-        let missed = self.start.and_then(|start| check_in_time(start, now, period).err());
+        let missed = self.start.and_then(|start| check_in_time(start, now, self.patience).err());
         missed.map(|late_s| Next::Failed(Refusal::StartMissed { late_s }))
     }
 
@@ -546,10 +552,16 @@ impl Leg {
     }
 }
 
+/// How late a start may be: those ahead of it wait, if it has partners.
+fn patience(order: &FollowOrder, period: Duration) -> Duration {
+    let apart_s = order.group.map_or(0.0, |group| group.max_divergence_s);
+    Duration::try_from_secs_f64(apart_s).unwrap_or_default().max(period)
+}
+
 /// How late \[s\] a start at `now` would be for `start`, if that is too late.
-fn check_in_time(start: MonoTime, now: MonoTime, period: Duration) -> Result<(), f64> {
+fn check_in_time(start: MonoTime, now: MonoTime, patience: Duration) -> Result<(), f64> {
     let late = now.saturating_since(start);
-    if late > period { Err(late.as_secs_f64()) } else { Ok(()) }
+    if late > patience { Err(late.as_secs_f64()) } else { Ok(()) }
 }
 
 pub(super) fn check_near(
