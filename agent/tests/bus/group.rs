@@ -53,6 +53,7 @@ impl Team {
                 connect: Some(endpoints.clone()),
                 namespace: None,
                 insecure_lan: false,
+                state_dir: None,
             };
             agents.push(Agent::start(options).await.expect("agent starts"));
             endpoints.push(endpoint);
