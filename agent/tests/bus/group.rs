@@ -185,6 +185,9 @@ impl Team {
     }
 }
 
+/// What makes a group one that cannot be.
+type Change = fn(&mut GroupParams);
+
 /// Turns the first joint by half a radian in two seconds, softly.
 fn turn() -> JointTrajectory {
     let names = [
@@ -324,7 +327,7 @@ async fn whoever_is_committed_alone_does_not_start() {
 async fn what_cannot_be_followed_together_is_refused_with_field_value_and_limit() {
     let team = Box::pin(Team::start(Share::Apart)).await;
     let id = Uuid::now_v7();
-    let changes: [(&str, DenialCode, fn(&mut GroupParams)); 6] = [
+    let changes: [(&str, DenialCode, Change); 6] = [
         ("group.partners", DenialCode::InvalidArgument, |group| group.partners.clear()),
         ("group.partners", DenialCode::InvalidArgument, |group| {
             group.partners.push(group.partners[0].clone());
