@@ -5,10 +5,10 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientOptions};
-use armada_protocol::messages::{CellStatus, CellVerdict, RobotStatus};
+use armada_protocol::messages::{CellVerdict, RobotStatus};
 use tempfile::TempDir;
 
 use crate::net::{HostProcess, Network};
@@ -24,17 +24,31 @@ const GATEWAY_PORT: u16 = 7447;
 pub struct NetCellOptions {
     /// The robots, of the default cell.
     pub robots: Vec<&'static str>,
+    /// How often each robot publishes its state \[Hz\].
+    pub state_rate_hz: u32,
     /// Text to add to every robot file.
     pub robot_extra: String,
     /// Text to add to the cell file.
     pub cell_extra: String,
+    /// Hosts with nothing on them yet, besides those of the cell.
+    pub hosts: Vec<&'static str>,
+    /// Whether the robots come up stopped, so that the cell is not ready by itself.
+    pub stopped_at_start: bool,
 }
 
 impl Default for NetCellOptions {
-    /// The two arms, as they are.
+    /// The two arms, with states every 4 ms.
     fn default() -> Self {
         let robots = vec!["left_arm", "right_arm"];
-        Self { robots, robot_extra: String::new(), cell_extra: String::new() }
+        let (robot_extra, cell_extra) = (String::new(), String::new());
+        Self {
+            robots,
+            state_rate_hz: 250,
+            robot_extra,
+            cell_extra,
+            hosts: Vec::new(),
+            stopped_at_start: false,
+        }
     }
 }
 
@@ -53,15 +67,15 @@ pub struct NetCell {
 }
 
 impl NetCell {
-    /// Starts the cell and waits until every robot is ready.
+    /// Starts the cell and waits until every robot is ready, or stopped.
     ///
     /// # Errors
     /// If it does not come up in time; the error holds what was printed.
     pub async fn start(mut network: Network, options: NetCellOptions) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         network.add_host("gateway")?;
-        for robot in &options.robots {
-            network.add_host(robot)?;
+        for host in options.robots.iter().chain(&options.hosts) {
+            network.add_host(host)?;
         }
         write_files(folder.path(), &network, &options)?;
         let path = |name: &str| folder.path().join(name).display().to_string();
@@ -73,8 +87,11 @@ impl NetCell {
         )?;
         for (index, &robot) in options.robots.iter().enumerate() {
             let (host, file) = (network.host(robot)?, path(&format!("{robot}.yaml")));
-            let emulator =
-                host.spawn(folder.path(), &format!("{robot}.emulator"), &["emulator", &file])?;
+            let emulator = host.spawn(
+                folder.path(),
+                &format!("{robot}.emulator"),
+                &["emulator", "sim", &file],
+            )?;
             emulators.insert(robot.to_owned(), emulator);
             // One side of each pair dials, the earlier one.
             let others = options.robots.iter().skip(index + 1);
@@ -90,21 +107,25 @@ impl NetCell {
             agents.insert(robot.to_owned(), host.spawn(folder.path(), robot, &arguments)?);
         }
         let cell = Self { agents, emulators, gateway, network, folder };
-        cell.wait_until_ready().await.with_context(|| cell.printed())?;
+        let up = cell.wait_until_up(options.stopped_at_start).await;
+        up.with_context(|| cell.printed())?;
         Ok(cell)
     }
 
-    async fn wait_until_ready(&self) -> Result<()> {
-        let look = async || {
-            let client = self.client().await.ok()?;
-            let status = client.cell_status().await.ok();
-            client.close();
-            let ready = |status: &CellStatus| {
-                matches!(status.verdict, CellVerdict::Ready | CellVerdict::Moving)
+    async fn wait_until_up(&self, stopped: bool) -> Result<()> {
+        let client = async || self.client().await.ok();
+        let client = wait_for("the cell answers", DEADLINE, client).await?;
+        let ready = wait_for("the cell is up", DEADLINE, async || {
+            let status = client.cell_status().await.ok()?;
+            let up = match stopped {
+                true => status.robots.values().all(|robot| robot.stop.is_some()),
+                false => status.verdict == CellVerdict::Ready,
             };
-            status.filter(ready)
-        };
-        wait_for("every robot is ready", DEADLINE, look).await.map(drop)
+            up.then_some(())
+        });
+        let ready = ready.await;
+        client.close();
+        ready
     }
 
     /// A client on the client's host, of the gateway and every agent.
@@ -112,11 +133,20 @@ impl NetCell {
     /// # Errors
     /// If nobody answers.
     pub async fn client(&self) -> Result<Client> {
-        let mut connect = vec![endpoint(&self.network, "gateway")?];
-        for robot in self.agents.keys() {
-            connect.push(endpoint(&self.network, robot)?);
-        }
-        let options = ClientOptions { name: "test".to_owned(), connect, namespace: None };
+        let robots = self.agents.keys().map(String::as_str);
+        let all: Vec<_> = std::iter::once("gateway").chain(robots).collect();
+        self.client_of("test", &all).await
+    }
+
+    /// A client on the client's host with a name, of these hosts only: of one, it reaches what that
+    /// one reaches.
+    ///
+    /// # Errors
+    /// If nobody answers.
+    pub async fn client_of(&self, name: &str, hosts: &[&str]) -> Result<Client> {
+        let connect =
+            hosts.iter().map(|host| endpoint(&self.network, host)).collect::<Result<_>>()?;
+        let options = ClientOptions { name: name.to_owned(), connect, namespace: None };
         Ok(Client::connect(options).await?)
     }
 
@@ -168,22 +198,43 @@ impl NetCell {
         found.with_context(|| format!("last status of {robot}: {last:#?}"))
     }
 
-    /// Runs a command of the program on the client's host; returns what it printed and its exit
-    /// code.
+    /// Runs a command of the program on the client's host, for this cell; returns what it printed
+    /// and its exit code.
     ///
     /// # Errors
     /// If the program cannot be started or is ended by a signal.
     pub fn run(&self, arguments: &[&str]) -> Result<(String, i32)> {
-        // The calling thread is in the client's namespace, and so is what it starts.
-        let output = std::process::Command::new(crate::process::armada()?)
-            .args(arguments)
-            .arg("--cell")
-            .arg(self.folder.path().join("cell.yaml"))
-            .stdin(std::process::Stdio::null())
-            .output()?;
-        let printed = [output.stdout, output.stderr].concat();
-        let code = output.status.code().context("ended by a signal")?;
-        Ok((String::from_utf8_lossy(&printed).into_owned(), code))
+        let cell = self.cell_file();
+        self.network.host("client")?.run(&[arguments, &["--cell", &cell]].concat())
+    }
+
+    /// Starts a command of the program on a host, for this cell; it runs until it is killed or
+    /// dropped.
+    ///
+    /// # Errors
+    /// If it cannot be started.
+    pub fn spawn(&self, host: &str, name: &str, arguments: &[&str]) -> Result<HostProcess> {
+        let cell = self.cell_file();
+        let arguments = [arguments, &["--cell", &cell]].concat();
+        self.network.host(host)?.spawn(self.folder.path(), name, &arguments)
+    }
+
+    /// Does something to the emulated controller of a robot, such as `estop`.
+    ///
+    /// # Errors
+    /// If the emulator does not take it.
+    pub fn inject(&self, robot: &str, fault: &str) -> Result<()> {
+        let file = fs::read_to_string(self.folder.path().join(format!("{robot}.yaml")))?;
+        let address = file.lines().find_map(|line| line.trim().strip_prefix("address: "));
+        let address = address.context("a robot file with an address")?;
+        let arguments = ["emulator", "inject", address, fault];
+        let (printed, code) = self.network.host(robot)?.run(&arguments)?;
+        ensure!(code == 0, "{robot}: {fault}: {printed}");
+        Ok(())
+    }
+
+    fn cell_file(&self) -> String {
+        self.folder.path().join("cell.yaml").display().to_string()
     }
 
     /// What all processes have printed.
@@ -224,7 +275,9 @@ fn write_files(folder: &Path, network: &Network, options: &NetCellOptions) -> Re
             -1.5 * f64::from(u32::try_from(index / 2)?),
             side * 0.45,
         ));
+        let rate = format!("state_rate_hz: {}", options.state_rate_hz);
         let file = fs::read_to_string(config.join(format!("robots/{robot}.yaml")))?
+            .replace("state_rate_hz: 100", &rate)
             .replace("urdf: ", &format!("urdf: {}/robots/", config.display()));
         fs::write(folder.join(format!("{robot}.yaml")), file + &options.robot_extra)?;
     }

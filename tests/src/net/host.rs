@@ -1,61 +1,19 @@
 //! A host: a network namespace with a card, and the processes in it.
 
 use std::fs::File;
-use std::path::Path;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use rustix::process::Signal;
-use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 
+use super::namespace::Namespace;
 use super::switch::{self, Switch};
 use crate::process::{armada, is_running, signal};
 
-/// A network namespace, removed with its last handle.
-#[derive(Clone, Debug)]
-pub(super) struct Namespace(Arc<Named>);
-
-#[derive(Debug)]
-struct Named(String);
-
-impl Drop for Named {
-    fn drop(&mut self) {
-        // What cannot be removed now goes with the machine; there is nobody to tell.
-        let _ = Command::new("ip").args(["netns", "del", &self.0]).output();
-    }
-}
-
-impl Namespace {
-    pub(super) fn new(host: &str) -> Result<Self> {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("armada-{}-{count}-{host}", std::process::id());
-        ip(&["netns", "add", &name])?;
-        let namespace = Self(Arc::new(Named(name)));
-        namespace.ip(&["link", "set", "lo", "up"])?;
-        Ok(namespace)
-    }
-
-    /// Moves the calling thread into it, and with it every thread that it starts.
-    pub(super) fn enter(&self) -> Result<()> {
-        let file = File::open(format!("/var/run/netns/{}", self.0.0))?;
-        move_into_link_name_space(std::os::fd::AsFd::as_fd(&file), Some(LinkNameSpaceType::Network))
-            .context("cannot enter the namespace")
-    }
-
-    fn ip(&self, arguments: &[&str]) -> Result<()> {
-        ip(&[&["-n", self.0.0.as_str()], arguments].concat())
-    }
-}
-
-fn ip(arguments: &[&str]) -> Result<()> {
-    let output = Command::new("ip").args(arguments).output()?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    ensure!(output.status.success(), "ip {}: {said}", arguments.join(" "));
-    Ok(())
-}
+/// Programs that end with the test, however that ends.
+const TIED: [&str; 3] = ["agent", "gateway", "emulator"];
 
 /// A machine of its own, as far as its network goes.
 #[derive(Debug)]
@@ -78,13 +36,8 @@ impl Host {
     ) -> Result<Self> {
         let card = format!("net{network}");
         let address = format!("10.77.{network}.{index}");
-        let (inside, named) = (namespace.clone(), card.clone());
-        let make = move || {
-            inside.enter()?;
-            switch::card(&named)
-        };
-        let made = std::thread::Builder::new().name(format!("card of {name}")).spawn(make)?;
-        let device = made.join().map_err(|_| anyhow::anyhow!("no card"))??;
+        let named = card.clone();
+        let device = namespace.inside(move || switch::card(&named))?;
         let [a, b, c, d, e, f] = switch::mac(index);
         let mac = format!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}");
         namespace.ip(&["link", "set", &card, "address", &mac])?;
@@ -133,7 +86,10 @@ impl Host {
     /// # Errors
     /// If it cannot be started.
     pub fn spawn(&self, folder: &Path, name: &str, arguments: &[&str]) -> Result<HostProcess> {
-        let arguments = arguments.iter().map(|&argument| argument.to_owned()).collect();
+        let mut arguments: Vec<String> = arguments.iter().map(|&word| word.to_owned()).collect();
+        if arguments.first().is_some_and(|command| TIED.contains(&command.as_str())) {
+            arguments.extend(["--parent".to_owned(), std::process::id().to_string()]);
+        }
         let mut process = HostProcess {
             namespace: self.namespace.clone(),
             log: folder.join(format!("{name}.log")),
@@ -143,6 +99,20 @@ impl Host {
         };
         process.start()?;
         Ok(process)
+    }
+
+    /// Runs the program here to its end; returns what it printed and its exit code.
+    ///
+    /// # Errors
+    /// If it cannot be started or is ended by a signal.
+    pub fn run(&self, arguments: &[&str]) -> Result<(String, i32)> {
+        let mut command = Command::new(armada()?);
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = self.namespace.inside(move || Ok(command.spawn()?))?;
+        let output = child.wait_with_output()?;
+        let printed = [output.stdout, output.stderr].concat();
+        let code = output.status.code().context("ended by a signal")?;
+        Ok((String::from_utf8_lossy(&printed).into_owned(), code))
     }
 }
 
@@ -156,8 +126,8 @@ impl Drop for Host {
 #[derive(Debug)]
 pub struct HostProcess {
     namespace: Namespace,
-    log: std::path::PathBuf,
-    state: std::path::PathBuf,
+    log: PathBuf,
+    state: PathBuf,
     arguments: Vec<String>,
     child: Option<Child>,
 }
@@ -169,13 +139,22 @@ impl HostProcess {
     /// If it cannot be started.
     pub fn start(&mut self) -> Result<()> {
         let printed = File::options().create(true).append(true).open(&self.log)?;
-        // `ip netns exec` becomes the program: the process id is the program's own.
-        let mut command = Command::new("ip");
-        command.args(["netns", "exec", &self.namespace.0.0]).arg(armada()?).args(&self.arguments);
-        command.env("XDG_STATE_HOME", &self.state).stdin(Stdio::null());
-        command.stdout(printed.try_clone()?).stderr(printed);
-        self.child = Some(command.spawn()?);
+        let mut command = Command::new(armada()?);
+        command.args(&self.arguments).env("XDG_STATE_HOME", &self.state);
+        command.stdin(Stdio::piped()).stdout(printed.try_clone()?).stderr(printed);
+        self.child = Some(self.namespace.inside(move || Ok(command.spawn()?))?);
         Ok(())
+    }
+
+    /// Writes a line to its standard input.
+    ///
+    /// # Errors
+    /// If it does not run, or does not read.
+    pub fn write_line(&mut self, line: &str) -> Result<()> {
+        let child = self.child.as_mut().context("was started")?;
+        let input = child.stdin.as_mut().context("an input")?;
+        writeln!(input, "{line}")?;
+        Ok(input.flush()?)
     }
 
     /// Its process id.

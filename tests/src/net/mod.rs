@@ -15,6 +15,7 @@
 //! entered it ([`in_network`]).
 
 mod host;
+mod namespace;
 mod switch;
 
 use std::path::Path;
@@ -27,6 +28,7 @@ use anyhow::{Context, Result, bail};
 pub use host::{Host, HostProcess};
 pub use switch::Quality;
 
+use namespace::Namespace;
 use switch::Switch;
 
 /// A network of hosts; everything in it ends when it is dropped.
@@ -83,12 +85,12 @@ fn can_make_hosts() -> Result<(), String> {
 }
 
 /// The namespace that all clients of this process are in.
-fn client_namespace() -> Result<&'static host::Namespace> {
-    static NAMESPACE: OnceLock<host::Namespace> = OnceLock::new();
+fn client_namespace() -> Result<&'static Namespace> {
+    static NAMESPACE: OnceLock<Namespace> = OnceLock::new();
     if let Some(namespace) = NAMESPACE.get() {
         return Ok(namespace);
     }
-    let made = host::Namespace::new("client")?;
+    let made = Namespace::new()?;
     Ok(NAMESPACE.get_or_init(|| made))
 }
 
@@ -107,7 +109,7 @@ impl Network {
     /// If the namespace or its network card cannot be made.
     pub fn add_host(&mut self, name: &str) -> Result<&Host> {
         let index = u8::try_from(self.hosts.len() + 2).context("at most 253 hosts")?;
-        let namespace = host::Namespace::new(name)?;
+        let namespace = Namespace::new()?;
         self.hosts.push(Host::on(namespace, name, self.number, index, &self.switch)?);
         self.hosts.last().context("just added")
     }
