@@ -17,3 +17,4 @@ pub mod equipment;
 pub mod moves;
 pub mod recorder;
 pub mod runtime;
+pub mod stop_sources;

@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use zenoh::bytes::Encoding;
 
+use crate::finite::first_not_finite;
 use crate::messages::{Denial, DenialCode};
 
 /// Largest request that is taken \[bytes\]: a trajectory of some ten thousand waypoints.
@@ -41,6 +42,14 @@ pub enum CodecError {
     /// Not MessagePack of this message.
     #[error("payload is not valid: {0}")]
     Decode(#[from] rmp_serde::decode::Error),
+    /// A number that is infinite or not a number, which no field means anything by.
+    #[error("{field} is {value}, expected a finite number")]
+    NotFinite {
+        /// Path of the field in the message.
+        field: String,
+        /// The number.
+        value: f64,
+    },
     /// Cannot be written as MessagePack.
     #[error("message cannot be encoded: {0}")]
     Encode(#[from] rmp_serde::encode::Error),
@@ -79,23 +88,36 @@ impl WireEncoding {
     /// [`CodecError::Json`] or [`CodecError::Encode`] if the message has a value that cannot be
     /// written, such as a map with keys that are not text.
     pub fn encode<T: Serialize>(self, message: &T) -> Result<Vec<u8>, CodecError> {
+        self.encode_with_room(message, 256)
+    }
+
+    /// As [`Self::encode`], with one allocation for a message of up to `room` bytes.
+    ///
+    /// # Errors
+    /// As [`Self::encode`].
+    pub fn encode_with_room<T: Serialize>(
+        self,
+        message: &T,
+        room: usize,
+    ) -> Result<Vec<u8>, CodecError> {
+        let mut bytes = Vec::with_capacity(room);
         match self {
-            Self::Json => Ok(serde_json::to_vec(message)?),
+            Self::Json => serde_json::to_writer(&mut bytes, message)?,
             Self::MessagePack => {
-                let mut bytes = Vec::new();
                 let mut serializer =
                     rmp_serde::Serializer::new(&mut bytes).with_struct_map().with_human_readable();
                 message.serialize(&mut serializer)?;
-                Ok(bytes)
             }
         }
+        Ok(bytes)
     }
 
     /// The message in `bytes`, of at most `limit` bytes.
     ///
     /// # Errors
-    /// [`CodecError::TooLarge`] above the limit; [`CodecError::Json`] or [`CodecError::Decode`] if
-    /// the bytes are not such a message.
+    /// [`CodecError::TooLarge`] above the limit; [`CodecError::NotFinite`] if a number, in any field,
+    /// is infinite or not a number; [`CodecError::Json`] or [`CodecError::Decode`] if the bytes are
+    /// not such a message.
     pub fn decode<T: DeserializeOwned>(self, bytes: &[u8], limit: usize) -> Result<T, CodecError> {
         if bytes.len() > limit {
             return Err(CodecError::TooLarge { len: bytes.len(), limit });
@@ -103,6 +125,9 @@ impl WireEncoding {
         match self {
             Self::Json => Ok(serde_json::from_slice(bytes)?),
             Self::MessagePack => {
+                if let Some((field, value)) = first_not_finite(bytes) {
+                    return Err(CodecError::NotFinite { field, value });
+                }
                 let mut deserializer =
                     rmp_serde::Deserializer::from_read_ref(bytes).with_human_readable();
                 Ok(T::deserialize(&mut deserializer)?)
@@ -122,6 +147,9 @@ impl From<CodecError> for Denial {
             CodecError::Json(cause) if cause.is_data() => denial(DenialCode::InvalidArgument),
             CodecError::Json(_) => denial(DenialCode::BadEncoding),
             CodecError::Decode(_) => denial(DenialCode::InvalidArgument),
+            CodecError::NotFinite { field, .. } => {
+                denial(DenialCode::InvalidArgument).with("field", field.as_str())
+            }
             CodecError::Encode(_) => denial(DenialCode::Internal),
         }
     }

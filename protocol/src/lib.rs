@@ -8,14 +8,17 @@
 //! publish                  the sending end of published keys
 //! serve                    the answering end, for agent and gateway
 //! client                   the asking end, for programs
+//! signature                keys that resets and check-ins are signed with
 //! ```
 //!
-//! Invariants: no other crate spells a key; a message that decodes is valid in itself; a refused
+//! Invariants: no other crate spells a key; a message that decodes is valid in itself, and every
+//! number in it finite; a refused
 //! request is answered with a [`messages::Denial`] on the reply's error channel; zero replies to a
 //! request are a failure, never a success.
 
 pub mod client;
 pub mod codec;
+mod finite;
 pub mod generated;
 pub mod keys;
 pub mod messages;
@@ -25,5 +28,6 @@ pub mod qos;
 mod robot_name;
 pub mod serve;
 pub mod session;
+pub mod signature;
 
 pub use robot_name::{RobotName, RobotNameError};

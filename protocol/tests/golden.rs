@@ -2,13 +2,14 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
+use std::cell::Cell;
 use std::fs;
 use std::path::PathBuf;
 
-use armada_protocol::codec::WireEncoding;
+use armada_protocol::codec::{CodecError, WireEncoding};
 use armada_protocol::messages::*;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 fn folder() -> PathBuf {
@@ -27,6 +28,71 @@ fn check<T: Serialize + DeserializeOwned>(name: &str) {
     assert_eq!(serde_json::to_value(&unpacked).expect("encodes"), golden, "{name} as MessagePack");
 }
 
+/// A message with its number at one place, counted from 0, replaced by another.
+struct Spoilt<'a> {
+    message: &'a Value,
+    by: f64,
+    /// How many numbers are still to come before it.
+    left: &'a Cell<usize>,
+}
+
+impl Serialize for Spoilt<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let inner = |message| Spoilt { message, ..*self };
+        match self.message {
+            Value::Object(map) => serializer.collect_map(map.iter().map(|(k, v)| (k, inner(v)))),
+            Value::Array(list) => serializer.collect_seq(list.iter().map(inner)),
+            Value::Number(_) => {
+                let left = self.left.get();
+                self.left.set(left.wrapping_sub(1));
+                if left == 0 {
+                    self.by.serialize(serializer)
+                } else {
+                    self.message.serialize(serializer)
+                }
+            }
+            other => other.serialize(serializer),
+        }
+    }
+}
+
+/// Paths of all numbers, in their order.
+fn numbers(message: &Value, path: &str, paths: &mut Vec<String>) {
+    match message {
+        Value::Object(map) => {
+            let dot = if path.is_empty() { "" } else { "." };
+            map.iter().for_each(|(key, value)| numbers(value, &format!("{path}{dot}{key}"), paths));
+        }
+        Value::Array(list) => {
+            list.iter().enumerate().for_each(|(at, v)| numbers(v, &format!("{path}[{at}]"), paths));
+        }
+        Value::Number(_) => paths.push(path.to_owned()),
+        _ => {}
+    }
+}
+
+/// How many numbers the message has.
+fn check_not_finite<T: DeserializeOwned>(name: &str) -> usize {
+    let path = folder().join(name).with_extension("json");
+    let golden: Value = serde_json::from_slice(&fs::read(path).expect("a file")).expect("JSON");
+    let mut paths = Vec::new();
+    numbers(&golden, "", &mut paths);
+    for (at, path) in paths.iter().enumerate() {
+        for by in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let spoilt = Spoilt { message: &golden, by, left: &Cell::new(at) };
+            let bytes = WireEncoding::MessagePack.encode(&spoilt).expect("packs");
+            match WireEncoding::MessagePack.decode::<T>(&bytes, 1 << 20).map(|_| "a message") {
+                Err(CodecError::NotFinite { field, value }) => {
+                    assert_eq!(&field, path, "{name}");
+                    assert!(!value.is_finite());
+                }
+                other => panic!("{name}: {path} as {by} gives {other:?}"),
+            }
+        }
+    }
+    paths.len()
+}
+
 macro_rules! golden {
     ($($name:literal: $message:ty,)+) => {
         const NAMES: &[&str] = &[$($name),+];
@@ -34,6 +100,12 @@ macro_rules! golden {
         #[test]
         fn every_sample_comes_back_the_same_in_both_encodings() {
             $(check::<$message>($name);)+
+        }
+
+        #[test]
+        fn no_number_of_any_message_may_be_infinite_or_none() {
+            let counts = [$(check_not_finite::<$message>($name)),+];
+            assert!(counts.iter().sum::<usize>() > 300, "{counts:?} numbers");
         }
     };
 }

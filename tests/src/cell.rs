@@ -22,6 +22,8 @@ const ROBOTS: [&str; 3] = ["left_arm", "right_arm", "torso"];
 pub struct CellOptions {
     /// Whether the demo motion runs.
     pub demo: bool,
+    /// What is replaced in the robot files, and with what; each must be in one of them.
+    pub robot_files: &'static [(&'static str, &'static str)],
 }
 
 /// The default cell on ports of its own, started by `armada up`.
@@ -40,7 +42,7 @@ impl Cell {
     pub async fn start(options: CellOptions) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let ports = Ports::free(ROBOTS.len())?;
-        write_files(folder.path(), &ports)?;
+        write_files(folder.path(), &ports, &options)?;
         let up = spawn_up(folder.path(), &options)?;
         let cell = Self { folder, ports, up };
         let ready = cell.wait_until_online().await;
@@ -236,21 +238,30 @@ impl Drop for Cell {
     }
 }
 
-fn write_files(folder: &Path, ports: &Ports) -> Result<()> {
+fn write_files(folder: &Path, ports: &Ports, options: &CellOptions) -> Result<()> {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config").canonicalize()?;
     let mut cell = fs::read_to_string(config.join("cells/dual_arm.yaml"))?
         .replace("tcp/127.0.0.1:7447", &format!("tcp/127.0.0.1:{}", ports.gateway))
         .replace("../robots/", "");
+    let mut replaced = vec![false; options.robot_files.len()];
     for (index, robot) in ROBOTS.iter().enumerate() {
         let (agent, emulator) = (7451 + index, 47101 + index);
         let agent_port = ports.agents.get(index).context("a port")?;
         let emulator_port = ports.emulators.get(index).context("a port")?;
         cell =
             cell.replace(&format!("tcp/127.0.0.1:{agent}"), &format!("tcp/127.0.0.1:{agent_port}"));
-        let file = fs::read_to_string(config.join(format!("robots/{robot}.yaml")))?
+        let mut file = fs::read_to_string(config.join(format!("robots/{robot}.yaml")))?
             .replace(&format!("127.0.0.1:{emulator}"), &format!("127.0.0.1:{emulator_port}"))
             .replace("urdf: ", &format!("urdf: {}/robots/", config.display()));
+        for ((what, with), replaced) in options.robot_files.iter().zip(&mut replaced) {
+            *replaced |= file.contains(what);
+            file = file.replace(what, with);
+        }
         fs::write(folder.join(format!("{robot}.yaml")), file)?;
+    }
+    let missing = options.robot_files.iter().zip(replaced).find(|(_, replaced)| !replaced);
+    if let Some(((what, _), _)) = missing {
+        bail!("{what:?} is in no robot file");
     }
     fs::write(folder.join("cell.yaml"), cell)?;
     Ok(())
@@ -260,6 +271,7 @@ fn spawn_up(folder: &Path, options: &CellOptions) -> Result<Child> {
     let printed = File::create(folder.join("printed"))?;
     let mut command = Command::new(armada()?);
     command.arg("up").arg(folder.join("cell.yaml")).stdin(Stdio::null());
+    command.arg("--state-dir").arg(folder.join("state"));
     command.stdout(printed.try_clone()?).stderr(printed);
     if options.demo {
         let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/motions/handover.json");

@@ -7,13 +7,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Folders that must not know a clock, socket, thread, lock, log, randomness or hash-map order.
-const PURE: [&str; 8] = [
+const PURE: [&str; 9] = [
     "protocol/model/src",
     "agent/src/control",
     "agent/src/drivers",
     "agent/src/equipment",
     "agent/src/moves",
     "agent/src/recorder",
+    "agent/src/stop_sources",
     "gateway/src/coordinator",
     "gateway/src/world",
 ];
@@ -132,6 +133,32 @@ fn no_file_but_the_table_spells_a_key() {
         }
     }
     assert!(found.is_empty(), "keys outside the table:\n{}", found.join("\n"));
+}
+
+#[test]
+fn invariant_10_nothing_but_a_real_input_answers_a_stop_source() {
+    let places = |word: &str| {
+        let mut found = Vec::new();
+        for folder in ["protocol/src", "agent/src", "gateway/src", "deploy/armada/src"] {
+            for path in sources(&project().join(folder)) {
+                if !is_test_code(&path) && code(&path).iter().any(|(_, line)| line.contains(word)) {
+                    let path = path.strip_prefix(project()).expect("ours").to_owned();
+                    found.push(path.display().to_string());
+                }
+            }
+        }
+        found.sort();
+        found
+    };
+    let key = [
+        "agent/src/runtime/stop_sources.rs",
+        "protocol/src/client/stop_source.rs",
+        "protocol/src/keys.rs",
+    ];
+    assert_eq!(places("CELL_STOP_SOURCE"), key, "the key is asked by agents and answered once");
+    let answers =
+        ["deploy/armada/src/commands/stop_button.rs", "protocol/src/client/stop_source.rs"];
+    assert_eq!(places("answer_stop_source("), answers, "and its caller reads an input");
 }
 
 #[test]

@@ -35,8 +35,8 @@ pub struct ControlConfig {
     pub standstill_velocity_m_s: f64,
     /// How long every joint must be below \[ms\], 0 to 5000; default 50.
     pub standstill_hold_ms: f64,
-    /// How long the controller has to switch its drives or clear its errors \[ms\], 100 to 7000
-    /// (the contract lets clients wait 8000); default 5000.
+    /// How long the controller has to switch its drives, clear its errors, take or end a move of its
+    /// own \[ms\], 100 to 7000 (the contract lets clients wait 8000); default 5000.
     pub request_timeout_ms: f64,
     /// Silence of a stream of commands after which the robot decelerates \[ms\], 8 to 200; default
     /// 40. With streamed positions it begins when a sample is twice as late as usual, if that is
@@ -79,11 +79,15 @@ const MAX_STATE_CLASSES: usize = 8;
 /// Rates at which the state is published besides, if the file gives none \[Hz\].
 const STATE_CLASSES_HZ: [u32; 3] = [1, 10, 30];
 
+/// How many states are published in the time in which a sample of a stream has to refer to one.
+const STATES_IN_MAX_AGE: f64 = 2.0;
+
 /// What is published and how.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PublishConfig {
-    /// How often the state is published \[Hz\], 1 to the loop's rate; default 100.
+    /// How often the state is published \[Hz\], to the loop's rate; default 100. At least twice in
+    /// `control.stream_max_age_ms`: a stream has to answer a state that is younger.
     pub state_rate_hz: f64,
     /// Rates at which the state is published besides, for clients that need less, each under a key
     /// of its own \[Hz\]: whole numbers of 1 to the loop's rate, at most 8, none twice; default 1,
@@ -218,8 +222,19 @@ impl PublishConfig {
         self.state_classes_hz.clone().unwrap_or_else(default)
     }
 
-    pub(super) fn check(&self, loop_rate_hz: f64) -> Result<(), Problem> {
+    pub(super) fn check(&self, control: &ControlConfig) -> Result<(), Problem> {
+        let loop_rate_hz = 1e3 / control.period_ms;
         check_range("state_rate_hz", self.state_rate_hz, 1.0..=loop_rate_hz)?;
+        let max_age_ms = control.stream_max_age_ms;
+        let lowest_hz = (STATES_IN_MAX_AGE * 1e3 / max_age_ms).min(loop_rate_hz);
+        if self.state_rate_hz < lowest_hz {
+            let text = format!(
+                "{} is below {lowest_hz}: a stream needs a state that is younger than \
+                 control.stream_max_age_ms, which is {max_age_ms}",
+                self.state_rate_hz
+            );
+            return Err(Problem::new("state_rate_hz", text));
+        }
         let classes = self.state_classes_hz.as_deref().unwrap_or_default();
         if classes.len() > MAX_STATE_CLASSES {
             let text = format!("{} rates, above the limit {MAX_STATE_CLASSES}", classes.len());

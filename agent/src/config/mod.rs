@@ -15,6 +15,7 @@ mod joints;
 mod locate;
 mod problem;
 mod robot;
+mod stop;
 #[cfg(test)]
 mod tests;
 
@@ -35,6 +36,7 @@ pub use error::ConfigError;
 pub use joints::{JointConfig, JointOverrides};
 pub use problem::Problem;
 pub(crate) use problem::check_range;
+pub use stop::{ResetConfig, StopConfig, StopSourceConfig};
 
 use crate::drivers::DriverConfig;
 use locate::Origin;
@@ -73,6 +75,9 @@ pub struct RobotConfig {
     /// The control loop.
     #[serde(default)]
     pub control: ControlConfig,
+    /// Stops, and what a reset needs.
+    #[serde(default)]
+    pub stop: StopConfig,
     /// What is published and how.
     #[serde(default)]
     pub publish: PublishConfig,
@@ -117,6 +122,7 @@ impl RobotConfig {
         config.origin = origin;
         config.check().map_err(|problem| config.error(problem))?;
         config.urdf = base_dir.join(&config.urdf);
+        config.stop.resolve(base_dir);
         Ok(config)
     }
 
@@ -149,8 +155,8 @@ impl RobotConfig {
         self.check_chains()?;
         self.check_tools()?;
         self.control.check().map_err(|problem| problem.under("control"))?;
-        let loop_rate_hz = 1000.0 / self.control.period_ms;
-        self.publish.check(loop_rate_hz).map_err(|problem| problem.under("publish"))?;
+        self.publish.check(&self.control).map_err(|problem| problem.under("publish"))?;
+        self.stop.check().map_err(|problem| problem.under("stop"))?;
         self.recorder.check().map_err(|problem| problem.under("recorder"))?;
         self.zenoh.check().map_err(|problem| problem.under("zenoh"))?;
         self.driver.check().map_err(|problem| problem.under("driver"))

@@ -70,6 +70,7 @@ impl RobotConfig {
             reduced: joints.iter().map(|joint| joint.reduced).collect(),
             home: joints.iter().map(|joint| joint.home).collect(),
             equipment: Arc::new(self.equipment(model)?.for_loop()),
+            stop_time: self.stop.time().unwrap_or(common.stop_time),
             ..common
         })
     }

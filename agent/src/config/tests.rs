@@ -273,6 +273,12 @@ fn values_that_no_loop_may_have_are_refused() {
         ),
         (
             DRIVER,
+            "publish: {state_rate_hz: 19}\ndriver:\n",
+            "publish.state_rate_hz: 19 is below 20: a stream needs a state that is younger than \
+             control.stream_max_age_ms, which is 100",
+        ),
+        (
+            DRIVER,
             "publish: {state_classes_hz: [10, 501]}\ndriver:\n",
             "publish.state_classes_hz: 501 is outside 1 to 500",
         ),

@@ -38,6 +38,8 @@ pub(super) struct Controller {
     reset_once: bool,
     /// When each kind of request was sent last, in the order of `KINDS`.
     asked: [Option<MonoTime>; 3],
+    /// Which run of the controller was heard last, while it is heard.
+    session: Option<u64>,
 }
 
 /// A request whose answer waits for the controller.
@@ -109,6 +111,17 @@ impl Controller {
 }
 
 impl LoopState {
+    /// Sees to it that another run of the controller is told what the one before was: one that is
+    /// not heard may come back as another, and one that restarts quickly says so itself.
+    pub(super) fn watch_session(&mut self) {
+        let session = self.condition.feedback().map(|feedback| feedback.session);
+        if session.is_none() || session != self.controller.session {
+            self.controller.session = session;
+            self.owe_equipment();
+            self.forget_told();
+        }
+    }
+
     /// What the controller is to be asked for in this tick.
     pub(super) fn controller_request(&mut self, tick: &Tick<'_>) -> Option<DriverRequest> {
         if self.condition.is_enabled()
@@ -185,7 +198,10 @@ impl LoopState {
             DriverRequest::ResetErrors => awaited || self.controller.reset_once,
             DriverRequest::Disable => {
                 let off = self.condition.drives_are_off();
-                !off && (self.stop_wants_drives_off(tick) || (awaited && self.has_settled(tick)))
+                // A controller that does not end its own motion is to be ended by its brakes.
+                let ignored = self.is_latched(FaultCode::StopIgnored);
+                let settled = awaited && self.has_settled(tick);
+                !off && (ignored || self.stop_wants_drives_off(tick) || settled)
             }
             _ => false,
         }

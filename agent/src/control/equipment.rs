@@ -8,7 +8,7 @@
 //! The loop swaps all chains at once, between two ticks, and only while the robot stands and
 //! nothing waits to move it: no motion ever sees its tool change. What the controller is to know of
 //! the load is owed to it until it was told, and again whenever it was not heard for a while, since
-//! it may have been switched off and on.
+//! it may have been switched off and on, or says that it is another run than before.
 
 use armada_model::{Chain, JointLimits, JointVector, KinematicsError, Pose, RobotModel, Twist};
 use armada_protocol::messages::CommandMode;
@@ -210,12 +210,14 @@ impl LoopState {
         Ok(())
     }
 
+    /// The controller is to be told all of it again.
+    pub(super) const fn owe_equipment(&mut self) {
+        (self.owed_loads, self.owed_tools) = (Owed::ALL, Owed::ALL);
+    }
+
     /// The tool or load that the controller is to be told of now.
     pub(super) fn equipment_request(&mut self, tick: &Tick<'_>) -> Option<DriverRequest> {
-        if self.condition.feedback().is_none() {
-            (self.owed_loads, self.owed_tools) = (Owed::ALL, Owed::ALL);
-            return None;
-        }
+        self.condition.feedback()?;
         let abilities = &tick.params.abilities;
         let (of_tool, of_load) = (abilities.move_pose || abilities.move_linear, abilities.load);
         let chains = &self.equipment.chains;

@@ -3,7 +3,7 @@
 //! | level | clears | faults |
 //! |---|---|---|
 //! | halt | `halt`, or `set_mode` to halt | `not_ready` |
-//! | reset errors | `reset_errors`, which asks the controller too | `communication_lost`, `controller_error`, `tracking_error`, `velocity_error`, `homing_failed`, `loop_error` |
+//! | reset errors | `reset_errors`, which asks the controller too | `communication_lost`, `controller_error`, `tracking_error`, `velocity_error`, `homing_failed`, `stop_ignored`, `loop_error` |
 //! | controller | a person at the controller, then `reset_errors` | `fatal_error`, `emergency_stop`, `guard_stop` |
 //!
 //! Each level clears what those before it do. Nothing clears by itself, and nothing is cleared
@@ -27,6 +27,7 @@ pub const fn clear_by(code: FaultCode) -> ClearBy {
         | FaultCode::TrackingError
         | FaultCode::VelocityError
         | FaultCode::HomingFailed
+        | FaultCode::StopIgnored
         | FaultCode::LoopError => ClearBy::ResetErrors,
         FaultCode::FatalError | FaultCode::EmergencyStop | FaultCode::GuardStop => {
             ClearBy::Controller
@@ -94,6 +95,7 @@ impl LoopState {
             return Some(FaultCode::CommunicationLost);
         };
         let fatal = feedback.conditions.contains(RobotFlags::FATAL_ERROR);
+        let ignoring = self.is_stopping_own() && self.is_latched(FaultCode::StopIgnored);
         let ramping = |code| self.ramp.is_some() && self.is_latched(code);
         [
             (feedback.emergency_stop, FaultCode::EmergencyStop),
@@ -101,6 +103,7 @@ impl LoopState {
             (fatal, FaultCode::FatalError),
             (feedback.error_code != 0, FaultCode::ControllerError),
             (tick.loop_error, FaultCode::LoopError),
+            (ignoring, FaultCode::StopIgnored),
             (ramping(FaultCode::TrackingError), FaultCode::TrackingError),
             (ramping(FaultCode::VelocityError), FaultCode::VelocityError),
         ]

@@ -20,12 +20,14 @@
 //!   that broke off begins anew at the measured position, and not in `invalid_state`, unless a
 //!   stop is latched: then "stay where you are" is what is to be said.
 //! * **One way out.** Every set-point passes the limiter, which knows what was sent before.
-//! * **The epoch** is raised by each change of mode, halt, stop, reset, fault and disable, and
+//! * **The epoch** is raised by each change of mode, halt, stop, reset, fault, disable, grant and
+//!   release of the lease, and by the pendant's taking control, and
 //!   raising it ends the motion in progress, in the same call. So no halt between two ticks is
 //!   lost, whatever follows it.
 //! * A motion ends in a ramp from what was sent last, unless the stream breaks off.
 //! * Every request is answered once; every motion has one terminal status.
 
+mod acknowledge;
 mod authority;
 mod checkpoint;
 mod controller;
@@ -55,11 +57,12 @@ mod tests;
 pub use equipment::{Equipment, EquippedChain, EquippedChainError, MAX_CHAINS, TipState};
 pub use faults::clear_by;
 pub use io::{
-    DelegateOrder, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder, Input,
-    JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities, LoopEvent,
-    LoopFault, LoopRequest, MAX_EVENTS, MAX_QUEUED, MAX_REQUESTS, MAX_RETIRED, MAX_SAMPLES,
-    MotionReport, Order, Output, Params, REDUCED_SHARE, Refusal, Retired, Snapshot, StreamChange,
-    StreamReport, StreamSample, StreamValues, TwistTarget,
+    DelegateOrder, DelegateReport, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder,
+    Input, JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities,
+    LoopEvent, LoopFault, LoopRequest, MAX_DELEGATES, MAX_EVENTS, MAX_QUEUED, MAX_REQUESTS,
+    MAX_RETIRED, MAX_SAMPLES, MAX_STOP_TIME, MotionReport, Order, Output, Params, REDUCED_SHARE,
+    Refusal, Retired, Snapshot, StreamChange, StreamReport, StreamSample, StreamValues,
+    TwistTarget, default_stop_time,
 };
 pub use state::{LoopState, ParamsError};
 pub use step::step;

@@ -14,7 +14,7 @@
 //! turns no switch: a mode is compared with the one of when the controller was last heard.
 
 use armada_model::{JointLimits, MotionLimits, MotionLimitsError};
-use armada_protocol::messages::OperationalMode;
+use armada_protocol::messages::{OperationalMode, ReducedLimits};
 
 use super::io::{LoopEvent, Params, Refusal};
 use super::motion::End;
@@ -48,12 +48,12 @@ impl LoopState {
 
     /// What the joints may do in the operational mode in force, at a speed ratio of 1.
     pub(super) fn limits_in_force(&self, params: &Params) -> MotionLimits {
-        match self.operational_mode(params) {
-            OperationalMode::Undefined | OperationalMode::ManualReducedSpeed => self.reduced,
-            OperationalMode::ManualFullSpeed | OperationalMode::Cobot | OperationalMode::Auto => {
-                self.limits
-            }
-        }
+        if is_reduced(self.operational_mode(params)) { self.reduced } else { self.limits }
+    }
+
+    /// The limits at reduced speed, where they are in force.
+    pub(super) fn reduced_in_force<'a>(&self, params: &'a Params) -> Option<&'a [ReducedLimits]> {
+        is_reduced(self.operational_mode(params)).then_some(params.reduced.as_slice())
     }
 
     /// Refuses jogs where the key switch forbids them.
@@ -65,14 +65,30 @@ impl LoopState {
     }
 }
 
-/// The limits at reduced speed; what is missing is not reduced.
-pub(super) fn reduced_limits(params: &Params) -> Result<MotionLimits, MotionLimitsError> {
-    let reduced = params.limits.iter().enumerate().map(|(joint, limits)| {
-        params.reduced.get(joint).map_or(*limits, |reduced| JointLimits {
-            velocity: reduced.velocity.min(limits.velocity),
-            acceleration: limits.acceleration.map(|highest| reduced.acceleration.min(highest)),
-            ..*limits
-        })
-    });
-    MotionLimits::new(&reduced.collect::<Vec<_>>())
+/// Whether reduced limits are in force: a switch of which nobody knows where it stands is taken for
+/// one that asks for them.
+const fn is_reduced(mode: OperationalMode) -> bool {
+    match mode {
+        OperationalMode::Undefined | OperationalMode::ManualReducedSpeed => true,
+        OperationalMode::ManualFullSpeed | OperationalMode::Cobot | OperationalMode::Auto => false,
+    }
+}
+
+impl Params {
+    /// What the joints may do in `mode`, at a speed ratio of 1; joints whose limits at reduced speed
+    /// are missing are not reduced. It allocates.
+    ///
+    /// # Errors
+    /// [`MotionLimitsError`] if a joint's limits are not complete or make no sense.
+    pub fn limits_in(&self, mode: OperationalMode) -> Result<MotionLimits, MotionLimitsError> {
+        let reduced = if is_reduced(mode) { self.reduced.as_slice() } else { &[] };
+        let each = self.limits.iter().enumerate().map(|(joint, limits)| {
+            reduced.get(joint).map_or(*limits, |reduced| JointLimits {
+                velocity: reduced.velocity.min(limits.velocity),
+                acceleration: limits.acceleration.map(|highest| reduced.acceleration.min(highest)),
+                ..*limits
+            })
+        });
+        MotionLimits::new(&each.collect::<Vec<_>>())
+    }
 }

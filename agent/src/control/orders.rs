@@ -36,8 +36,16 @@ impl LoopState {
             Order::Jog(order) => self.jog(tick, &order).map(granted),
             Order::Follow(order) => self.follow(tick, order).map(granted),
             Order::Cancel(id) => self.cancel(tick, id).map(granted),
-            Order::AcquireLease { lease, ttl } => self.acquire_lease(tick, lease, ttl).map(granted),
-            Order::RenewLease(lease) => self.renew_lease(tick, lease).map(granted),
+            Order::AcquireLease { lease, ttl, role } => {
+                self.acquire_lease(tick, (lease, ttl, role)).map(granted)
+            }
+            Order::TakeLease { lease, ttl, role } => {
+                self.take_lease(tick, (lease, ttl, role)).map(granted)
+            }
+            Order::DelegateLease { parent, lease, scope, ttl } => {
+                self.delegate_lease(tick, parent, (lease, scope, ttl)).map(granted)
+            }
+            Order::RenewLease { lease, ttl } => self.renew_lease(tick, lease, ttl).map(granted),
             Order::ReleaseLease(lease) => self.release_lease(tick, lease).map(granted),
             Order::Home(order) => self.home(tick, &order).map(granted),
             Order::JogJoint(order) => self.jog_joint(tick, &order).map(granted),

@@ -5,16 +5,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionLimitsError};
-use armada_protocol::messages::CommandMode;
+use armada_protocol::messages::{CommandMode, OperationalMode};
 use arrayvec::ArrayVec;
 
+use super::acknowledge::Acknowledgement;
 use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::{Equipment, Owed};
 use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
-use super::motion::{Brake, End, Motion, OwnMotion, Waiting};
-use super::operational::reduced_limits;
+use super::motion::{Brake, End, Motion, OwnMotion, Queued};
 use super::standstill::Standstill;
 use super::stop::Stop;
 use super::stream::Stream;
@@ -23,7 +23,7 @@ use super::values::PendingValues;
 use super::verify::Condition;
 
 /// Most faults that can be latched: one of each kind.
-pub(super) const MAX_FAULTS: usize = 10;
+pub(super) const MAX_FAULTS: usize = 11;
 
 /// What the loop remembers from tick to tick.
 #[derive(Debug, Serialize, Deserialize)]
@@ -51,7 +51,7 @@ pub struct LoopState {
     pub(super) motion: Option<Motion>,
     pub(super) stream: Stream,
     /// What waits for its end, in order; empty if there is no motion.
-    pub(super) queue: ArrayVec<Waiting, MAX_QUEUED>,
+    pub(super) queue: ArrayVec<Queued, MAX_QUEUED>,
     /// What the controller is told about motions that it makes itself.
     pub(super) own_motion: OwnMotion,
     /// Speed of all motions, 0.01 to 1.
@@ -62,6 +62,7 @@ pub struct LoopState {
     pub(super) owed_loads: Owed,
     pub(super) owed_tools: Owed,
     pub(super) values: PendingValues,
+    pub(super) acknowledgement: Acknowledgement,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -95,6 +96,8 @@ pub(super) struct Tick<'a> {
     pub(super) params: &'a Params,
     pub(super) now: MonoTime,
     pub(super) loop_error: bool,
+    /// Whether the stop gate is closed.
+    pub(super) stopped: bool,
     pub(super) output: &'a mut Output,
 }
 
@@ -130,7 +133,7 @@ impl LoopState {
     /// [`ParamsError::Period`] if the period is zero or longer than the communication timeout.
     pub fn new(params: &Params) -> Result<Self, ParamsError> {
         let limits = MotionLimits::new(&params.limits)?;
-        let reduced = reduced_limits(params)?;
+        let reduced = params.limits_in(OperationalMode::ManualReducedSpeed)?;
         let expected = limits.len();
         for (field, vector) in [
             ("start_tolerance", &params.start_tolerance),
@@ -171,6 +174,7 @@ impl LoopState {
             owed_loads: Owed::ALL,
             owed_tools: Owed::ALL,
             values: PendingValues::default(),
+            acknowledgement: Acknowledgement::default(),
         })
     }
 

@@ -21,11 +21,12 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
         events: ArrayVec::new(),
         retired: ArrayVec::new(),
     };
-    let (now, loop_error) = (input.now, input.loop_error);
-    let mut tick = Tick { params, now, loop_error, output: &mut output };
+    let (now, loop_error, stopped) = (input.now, input.loop_error, input.stop.is_some());
+    let mut tick = Tick { params, now, loop_error, stopped, output: &mut output };
     state.seqno += 1;
     state.verify(&mut tick, input.feedback.as_ref());
     state.follow_stop(&mut tick, input.stop);
+    state.watch_acknowledgement(&tick);
     state.watch_lease(&mut tick);
     state.keep_stream(&mut tick);
     for request in input.requests.drain(..) {
@@ -82,13 +83,17 @@ impl LoopState {
             }),
             limited_setpoints: self.limiter.changed(),
             speed_ratio: self.speed_ratio,
+            authority: self.authority_state(),
             lease: self.authority.report(),
+            delegates: self.delegates(),
             stream: self.stream.report(),
             dropped_samples: self.stream.dropped(),
             config_seqno: self.equipment.config_seqno,
             signals: feedback.map_or(Values::EMPTY, |feedback| feedback.signals),
             parameters: feedback.map_or(Values::EMPTY, |feedback| feedback.parameters),
             tips: feedback.map_or([None; MAX_REPORTED_TIPS], |feedback| feedback.tips),
+            emergency_stop: feedback.map(|feedback| feedback.emergency_stop),
+            acknowledged: self.acknowledgement.at(),
         }
     }
 }

@@ -18,6 +18,10 @@
 //! | L1 | ramp, then hold until the drives are off | off after measured standstill |
 //! | L0 | none | off at once |
 //!
+//! Standstill has to be measured within the robot's stop time, or the level is raised by one: whoever
+//! does not come to rest, or cannot prove it, is stopped harder, up to L0. What a raise says has to
+//! be entered in the gate outside, which keeps it until a reset.
+//!
 //! If standstill after an L1 ramp is not measured half a second after the hold time, the drives go
 //! off all the same: something moves that should not.
 //!
@@ -29,6 +33,7 @@
 //!
 //! When the gate opens nothing moves and nothing is enabled.
 
+use armada_model::MonoTime;
 use armada_protocol::messages::{CommandMode, StopLevel, StopStage};
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +47,8 @@ use crate::drivers::DriverRequest;
 pub(super) struct Stop {
     level: Option<StopLevel>,
     stage: Option<StopStage>,
+    /// When it came to this level.
+    since: MonoTime,
 }
 
 impl Stop {
@@ -58,7 +65,8 @@ impl LoopState {
             None if self.stop.level.is_some() => self.open_gate(tick),
             // None orders before every level.
             Some(level) if gate > self.stop.level => self.close_gate(tick, level),
-            _ => {}
+            Some(_) => self.raise_overdue(tick),
+            None => {}
         }
     }
 
@@ -111,8 +119,20 @@ impl LoopState {
         }
     }
 
+    /// Stops harder if the robot should have been measured to stand by now.
+    fn raise_overdue(&mut self, tick: &mut Tick<'_>) {
+        let overdue = tick.now.saturating_since(self.stop.since) > tick.params.stop_time;
+        let harder = self.stop.level.and_then(StopLevel::harder);
+        if let Some(level) =
+            harder.filter(|_| overdue && self.stop.stage < Some(StopStage::Standstill))
+        {
+            tick.event(LoopEvent::StopRaised(level));
+            self.close_gate(tick, level);
+        }
+    }
+
     fn close_gate(&mut self, tick: &mut Tick<'_>, level: StopLevel) {
-        self.stop = Stop { level: Some(level), stage: None };
+        self.stop = Stop { level: Some(level), stage: None, since: tick.now };
         self.clear_lease(tick);
         self.standstill.restart();
         self.controller.ask_at_once(DriverRequest::Disable);

@@ -13,7 +13,7 @@
 //!
 //! | reason | it |
 //! |---|---|
-//! | lease | is not under the lease in force; a stream always needs one |
+//! | lease | is not under the lease in force or a sub-lease to move the arm, or while a stream of another of them is in progress; a stream always needs one |
 //! | epoch | is not of the epoch in force |
 //! | sequence | has a number that is not above all that came under its lease and epoch |
 //! | age | was made for a state that is older than the limit, in time, or for one of the future |
@@ -169,7 +169,9 @@ impl LoopState {
 
     fn judge(&mut self, tick: &Tick<'_>, sample: &StreamSample) -> Result<(), Unfit> {
         let header = sample.header;
-        if !self.lease_in_force(header.lease) {
+        let of_other =
+            self.stream.current.as_ref().is_some_and(|current| current.lease != header.lease);
+        if of_other || !self.lease_in_force(header.lease) {
             return Err(Unfit::Lease);
         }
         if header.epoch != self.epoch {

@@ -96,12 +96,14 @@ impl LoopState {
     /// `invalid_state` if nothing is.
     pub(super) fn verify(&mut self, tick: &mut Tick<'_>, feedback: Option<&Feedback>) {
         self.condition.take(tick, self.limits.len(), feedback);
+        self.watch_session();
         if tick.loop_error {
             self.latch(tick, fault(FaultCode::LoopError, tick.now, 1.0));
         }
         let Some(feedback) = self.condition.feedback().copied() else {
             return self.verify_silence(tick);
         };
+        self.follow_local_control(tick, &feedback);
         if feedback.emergency_stop {
             self.latch(tick, fault(FaultCode::EmergencyStop, tick.now, 1.0));
         }
@@ -151,7 +153,8 @@ impl LoopState {
             return;
         }
         self.change_mode(tick, CommandMode::Halt, End::Cancelled(Refusal::ModeLeft));
-        let wanted = tick.params.enable_on_start && self.stop.level().is_none();
+        let stopped = tick.stopped || self.stop.level().is_some();
+        let wanted = tick.params.enable_on_start && !stopped && self.check_local_control().is_ok();
         if wanted && !feedback.enabled {
             self.controller.enable_until(tick.now + tick.params.request_timeout);
         }

@@ -36,6 +36,8 @@ pub const MAX_PACKET: usize = 1500;
 pub struct Feedback {
     /// When it arrived, loop's clock.
     pub stamp: MonoTime,
+    /// Which run of the controller sent it: another number after each start; 0 if it does not say.
+    pub session: u64,
     /// Measured positions \[rad or m\].
     pub joint_position: JointVector,
     /// Measured speeds \[1/s\]; empty if the controller gives none.
@@ -54,6 +56,8 @@ pub struct Feedback {
     pub operational_mode: OperationalMode,
     /// A safeguard of the controller is open: it stopped the robot, or limits it to nothing.
     pub guard_stop: bool,
+    /// The pendant, or another person at the controller, has control: nobody else may command.
+    pub local_control: bool,
     /// Conditions that only the controller knows, of [`Feedback::CONDITIONS`]: which button or
     /// guard, the enabling switch, a fatal error, a released emergency stop.
     pub conditions: RobotFlags,
@@ -92,6 +96,7 @@ impl Feedback {
     pub fn of(stamp: MonoTime, joint_position: JointVector) -> Self {
         Self {
             stamp,
+            session: 0,
             joint_position,
             joint_velocity: JointVector::EMPTY,
             joint_effort: JointVector::EMPTY,
@@ -101,6 +106,7 @@ impl Feedback {
             error_code: 0,
             operational_mode: OperationalMode::Undefined,
             guard_stop: false,
+            local_control: false,
             conditions: RobotFlags::NONE,
             homed: JointSet::first(joint_position.len()),
             homing: JointSet::NONE,

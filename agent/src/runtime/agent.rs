@@ -3,7 +3,7 @@
 //! Each robot has its own loop thread, publisher, desk, board and keys, so that one which fails
 //! takes no other along. All start or none does; all are shut down at once.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use armada_model::MotionLimitsError;
 use armada_protocol::RobotName;
@@ -17,6 +17,7 @@ use super::link::LinkError;
 use super::realtime::RealtimeReport;
 use super::robot::{self, Robot};
 use super::robot_agent::RobotAgent;
+use super::stop_file::StateError;
 use super::wake_log::WakeLog;
 use crate::config::ConfigError;
 use crate::control::ParamsError;
@@ -36,6 +37,9 @@ pub struct AgentOptions {
     pub namespace: Option<String>,
     /// Whether listening outside loopback without authentication is allowed.
     pub insecure_lan: bool,
+    /// Folder in which latched stops are kept while no agent runs, made if it is not there; `None`:
+    /// a stop is over when the agent ends.
+    pub state_dir: Option<PathBuf>,
 }
 
 /// Why an agent could not be started.
@@ -62,6 +66,9 @@ pub enum AgentError {
     /// Zenoh refuses a key.
     #[error("zenoh: {0}")]
     Zenoh(String),
+    /// Latched stops cannot be kept.
+    #[error(transparent)]
+    State(#[from] StateError),
     /// The system gives no thread.
     #[error("no thread: {0}")]
     Thread(#[from] std::io::Error),
@@ -119,7 +126,8 @@ impl Agent {
         let robots = robot::load_all(&options.robot_files)?;
         let session = bus::open_session(&options, &robots).await?;
         let mut agent = Self { session, robots: Vec::new() };
-        match agent.start_robots(&robots, wake_logs).await {
+        let folder = options.state_dir.as_deref();
+        match agent.start_robots(&robots, folder, wake_logs).await {
             Ok(()) => Ok(agent),
             Err(error) => {
                 agent.shut_down().await;
@@ -152,12 +160,14 @@ impl Agent {
     async fn start_robots(
         &mut self,
         robots: &[Robot],
+        state_dir: Option<&Path>,
         wake_logs: Vec<WakeLog>,
     ) -> Result<(), AgentError> {
         bus::refuse_taken_names(&self.session, robots).await?;
         let mut wake_logs = wake_logs.into_iter();
         for robot in robots {
-            let started = RobotAgent::start(&self.session, robot, wake_logs.next()).await;
+            let started =
+                RobotAgent::start(&self.session, robot, state_dir, wake_logs.next()).await;
             self.robots.push(started.map_err(|cause| AgentError::Robot {
                 robot: robot.config.robot.clone(),
                 cause: Box::new(cause),

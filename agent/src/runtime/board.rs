@@ -8,8 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use armada_model::MonoTime;
 use armada_protocol::messages::{
-    AuthorityState, ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, LatchedStop,
-    LoopStatistics, ResetNeeds, RobotFlags, RobotStatus, StopLatch, StopLevel, StopStage,
+    ClearBy, Denial, DenialCode, Fault, FaultCode, LoopStatistics, RobotStatus, StopStage,
     StreamStatistics,
 };
 use uuid::Uuid;
@@ -17,9 +16,12 @@ use uuid::Uuid;
 use super::connected::Connected;
 use super::leases::Leases;
 use super::motion_log::MotionLog;
-use super::words::Vocabulary;
+use super::stop_latch::{ResetRules, StopRecord};
+use super::why::{Known, next, why};
+use super::words::{Vocabulary, role_name};
 use crate::control::{DroppedSamples, Granted, Refusal, Snapshot, StreamReport};
 use crate::drivers::LinkRefusal;
+use crate::stop_sources::StopSources;
 use tokio::sync::oneshot;
 
 /// The board behind its lock.
@@ -47,9 +49,13 @@ pub(super) struct Board {
     pub(super) connected: Connected,
     pub(super) faults: Vec<Fault>,
     pub(super) leases: Leases,
+    /// Since when the pendant has had control.
+    pub(super) local_since: Option<MonoTime>,
     /// Why the controller does not serve this client, if it says so.
     pub(super) link_refusal: Option<LinkRefusal>,
     pub(super) stop: Option<StopRecord>,
+    pub(super) reset_rules: ResetRules,
+    pub(super) stop_sources: StopSources,
     /// Stages the loop has reported since the gate was closed, with their times.
     pub(super) stages: Vec<(StopStage, MonoTime)>,
     pub(super) statistics: LoopStatistics,
@@ -62,26 +68,10 @@ pub(super) struct Board {
     pub(super) next_ticket: u64,
 }
 
-/// A latched stop as the agent knows it.
-#[derive(Debug)]
-pub(super) struct StopRecord {
-    pub(super) level: StopLevel,
-    pub(super) stops: Vec<ReceivedStop>,
-    pub(super) stage: StopStage,
-    /// Names the state of the gate that a reset may open.
-    pub(super) gate_count: u64,
-}
-
-/// One stop of a [`StopRecord`].
-#[derive(Clone, Debug)]
-pub(super) struct ReceivedStop {
-    pub(super) stop: LatchedStop,
-    pub(super) received: MonoTime,
-}
-
 impl Board {
     /// A board on which nothing is known yet.
     pub(super) fn new(vocabulary: Vocabulary, boot_id: Uuid, snapshot: Snapshot) -> Self {
+        let robot = vocabulary.robot.clone();
         Self {
             vocabulary,
             boot_id,
@@ -90,8 +80,11 @@ impl Board {
             connected: Connected::default(),
             faults: Vec::new(),
             leases: Leases::default(),
+            local_since: None,
             link_refusal: None,
             stop: None,
+            reset_rules: ResetRules::default(),
+            stop_sources: StopSources::new(robot, Vec::new(), MonoTime::ZERO),
             stages: Vec::new(),
             statistics: LoopStatistics::default(),
             panics: 0,
@@ -119,15 +112,23 @@ impl Board {
 
     /// The denial that a refusal of the loop means, with the name of who holds the lease.
     pub(super) fn denial(&self, refusal: &Refusal) -> Denial {
-        let held = self.snapshot.lease.map(|report| self.leases.name(report.lease));
-        match (refusal, held) {
-            (&Refusal::LeaseRequired { remaining_s }, Some(holder)) => {
-                self.vocabulary.driven_by(holder, remaining_s)
+        let denial = self.vocabulary.denial(refusal);
+        if let (Refusal::LeaseTaken, Some(holder)) = (refusal, self.leases.holder()) {
+            // The event of the grant came before that of the motion's end.
+            let (robot, who) = (&self.vocabulary.robot, holder.title());
+            let message = format!("{robot}: the lease went to {who}");
+            return Denial { message, ..denial }.with("holder", holder.name.as_str());
+        }
+        let Some(held) = self.snapshot.lease else { return denial };
+        let (name, role) = (self.leases.name(held.lease), held.role);
+        match refusal {
+            &Refusal::LeaseRequired { remaining_s } => {
+                self.vocabulary.driven_by((name, role), remaining_s)
             }
-            (Refusal::LeaseStale, Some(holder)) => {
-                self.vocabulary.denial(refusal).with("holder", holder)
+            Refusal::LeaseStale | Refusal::RoleTooLow { .. } | Refusal::ScopeTooNarrow { .. } => {
+                denial.with("holder", name).with("role", role_name(role))
             }
-            _ => self.vocabulary.denial(refusal),
+            _ => denial,
         }
     }
 
@@ -144,7 +145,7 @@ impl Board {
     pub(super) fn status(&mut self, now: MonoTime) -> RobotStatus {
         self.status_seqno += 1;
         let snapshot = &self.snapshot;
-        RobotStatus {
+        let mut status = RobotStatus {
             robot: self.vocabulary.robot.clone(),
             boot_id: self.boot_id,
             seqno: self.status_seqno,
@@ -154,19 +155,35 @@ impl Board {
             operational_mode: snapshot.operational_mode,
             controller_state: snapshot.controller_state,
             flags: snapshot.flags,
-            stop: self.stop.as_ref().map(StopRecord::latch),
+            stop: self.latch(now),
             faults: self.all_faults(),
-            authority: AuthorityState::Free,
-            lease: snapshot.lease.map(|report| self.leases.lease(&report, now)),
+            authority: snapshot.authority,
+            lease: snapshot
+                .lease
+                .map(|report| self.leases.lease(&report, &snapshot.delegates, now)),
             motion: self.motions.current(snapshot.motion.map(|motion| motion.id)).cloned(),
             queued: self.motions.waiting(snapshot.motion.map(|motion| motion.id)),
             speed_ratio: snapshot.speed_ratio,
             stream: snapshot.stream.map(|stream| statistics(&stream, now)),
             control_loop: self.statistics,
             dropped: self.all_dropped(),
-            stop_sources: Vec::new(),
+            stop_sources: self.stop_sources.status(now),
             why: Vec::new(),
-            next: self.next_steps(),
+            next: Vec::new(),
+        };
+        let known = self.known();
+        (status.why, status.next) = (why(&status, &known), next(&status, &known));
+        status
+    }
+
+    /// What explains a status and is not in it.
+    fn known(&self) -> Known {
+        let stops = self.stop.iter().flat_map(|record| &record.stops);
+        Known {
+            stops: stops.map(|stop| (stop.stop.stop_id, stop.received)).collect(),
+            lease: self.snapshot.lease.and_then(|report| self.leases.since(report.lease)),
+            local: self.local_since,
+            link: self.link_refusal.map(|refusal| refusal.to_string()),
         }
     }
 
@@ -209,53 +226,6 @@ impl Board {
             });
         }
         faults
-    }
-
-    /// What a person may do next.
-    fn next_steps(&self) -> Vec<String> {
-        let robot = &self.vocabulary.robot;
-        let flags = self.snapshot.flags;
-        let mut next = Vec::new();
-        if self.stop.is_some() {
-            next.push(format!("see that it is safe, then: armada reset {robot}"));
-        }
-        if flags.contains(RobotFlags::COMMUNICATION_FAILURE) {
-            next.push(match self.link_refusal {
-                Some(refusal) => format!("{refusal}: put that right"),
-                None => "check that the controller runs and its address is right".to_owned(),
-            });
-        }
-        for fault in &self.faults {
-            if !next.contains(&fault.remedy) {
-                next.push(fault.remedy.clone());
-            }
-        }
-        if !next.is_empty() {
-            return next;
-        }
-        if !flags.contains(RobotFlags::ENABLED) {
-            return vec![format!("switch the drives on: armada enable {robot}")];
-        }
-        match self.snapshot.command_mode {
-            CommandMode::Halt => vec!["set a mode and move, or: armada move".to_owned()],
-            CommandMode::Jog => vec!["jog_freespace, or set mode halt".to_owned()],
-            CommandMode::Trajectory => vec!["execute_trajectory, or set mode halt".to_owned()],
-            CommandMode::PositionCommand => {
-                vec!["stream positions under a lease, or set mode halt".to_owned()]
-            }
-            CommandMode::VelocityCommand => {
-                vec!["stream velocities under a lease, or set mode halt".to_owned()]
-            }
-            _ => Vec::new(),
-        }
-    }
-}
-
-impl StopRecord {
-    fn latch(&self) -> StopLatch {
-        let stops = self.stops.iter().map(|received| received.stop.clone()).collect();
-        let reset = ResetNeeds::default();
-        StopLatch { level: self.level, stops, stage: self.stage, reset }
     }
 }
 

@@ -1,5 +1,7 @@
 //! The task that turns what the loop and the stop keys say into messages.
 
+mod streams;
+
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -7,9 +9,7 @@ use std::time::Duration;
 use armada_model::MonoTime;
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::keys;
-use armada_protocol::messages::{
-    Event, EventKind, LatchedStop, MotionStatus, Severity, StopAck, StopStage,
-};
+use armada_protocol::messages::{Event, EventKind, MotionStatus, Severity, StopAck};
 use armada_protocol::publish::{Cached, Latest};
 use armada_protocol::qos::Channel;
 use armada_protocol::serve;
@@ -21,13 +21,18 @@ use uuid::Uuid;
 use zenoh::Session;
 use zenoh::query::Query;
 
-use super::board::{Board, ReceivedStop, SharedBoard, StopRecord};
+use super::board::{Board, SharedBoard};
 use super::clock::{monotonic, utc_ns};
+use super::leases::LeaseNews;
 use super::mailbox::StampedEvent;
 use super::meter::{Meter, MeterReader};
+use super::stop_gate::{Closing, StopGate};
 use super::stop_intake::IncomingStop;
+use super::stop_keeper::StopKeeper;
 use super::words::{name, operational_name};
-use crate::control::{LeaseChange, LoopEvent, Refusal, StreamChange};
+use crate::control::{LeaseChange, LoopEvent, Refusal};
+
+pub(super) use streams::Flapping;
 
 /// How often progress of a motion is published.
 const PROGRESS: Duration = Duration::from_millis(100);
@@ -54,8 +59,15 @@ pub(super) struct Desk {
     pub(super) stop_acks: Latest,
     pub(super) boot_id: Uuid,
     pub(super) event_seqno: u64,
+    pub(super) flapping: Flapping,
     /// Counts the resets that have reached the loop.
     pub(super) cleared: watch::Sender<u64>,
+    pub(super) gate: Arc<StopGate>,
+    pub(super) keeper: Arc<StopKeeper>,
+    /// Whether an emergency stop of the controller stops the cell.
+    pub(super) estop_stops_cell: bool,
+    /// A count of the gate that no record is known of.
+    pub(super) untold: Option<u64>,
 }
 
 /// What the desk listens to.
@@ -91,6 +103,9 @@ impl Desk {
                     }
                 }
             }
+        }
+        while let Ok(stop) = inboxes.stops.try_recv() {
+            self.take_stop(stop).await;
         }
         while let Ok(remark) = inboxes.remarks.try_recv() {
             self.remark(remark).await;
@@ -130,6 +145,7 @@ impl Desk {
                     .await;
             }
             LoopEvent::Lease(change) => self.take_lease(stamp, change).await,
+            LoopEvent::LocalControl(local) => self.take_local_control(stamp, local).await,
             LoopEvent::OperationalMode { from, to } => {
                 let (from, to) = (operational_name(from), operational_name(to));
                 warn!(from, to, "key switch turned");
@@ -139,6 +155,10 @@ impl Desk {
                 self.event(stamp, Severity::Warning, kind, message, details).await;
             }
             LoopEvent::Stream(change) => self.take_stream(stamp, change).await,
+            LoopEvent::StopRaised(level) => self.take_raise(stamp, level).await,
+            LoopEvent::EmergencyStop { closing: count, raised } => {
+                self.take_emergency_stop(stamp, Closing { count, raised }).await;
+            }
             LoopEvent::StopStage(stage) => self.take_stage(stamp, stage).await,
             LoopEvent::StopCleared => {
                 info!("stop reset");
@@ -150,36 +170,33 @@ impl Desk {
         self.publish_status().await;
     }
 
-    async fn take_stream(&mut self, stamp: MonoTime, change: StreamChange) {
-        let (severity, what, message) = match change {
-            StreamChange::Began => (Severity::Info, "began", "a stream of commands began"),
-            StreamChange::Starved => {
-                (Severity::Warning, "starved", "the stream of commands starved: decelerating")
-            }
-            StreamChange::Resumed => (Severity::Info, "resumed", "the stream of commands goes on"),
-            StreamChange::Ended => (Severity::Info, "ended", "the stream of commands ended"),
-        };
-        info!(change = what, "stream of commands");
-        let details = map(json!({ "change": what }));
-        self.event(stamp, severity, EventKind::Stream, message.to_owned(), details).await;
-    }
-
     /// Says who may command now; a lease itself is a secret of its holder.
     async fn take_lease(&mut self, stamp: MonoTime, change: LeaseChange) {
-        let (holder, message) = self.board.lock().leases.take(change);
-        info!(holder, "{message}");
-        let severity = match change {
-            LeaseChange::Expired(_) => Severity::Warning,
-            _ => Severity::Info,
+        let LeaseNews { severity, message, details } = {
+            let mut board = self.board.lock();
+            let Board { leases, snapshot, .. } = &mut *board;
+            leases.take(stamp, change, snapshot)
         };
-        let details = map(json!({ "holder": holder }));
+        info!("{message}");
         self.event(stamp, severity, EventKind::Lease, message, details).await;
+    }
+
+    async fn take_local_control(&mut self, stamp: MonoTime, local: bool) {
+        self.board.lock().local_since = local.then_some(stamp);
+        let (change, message) = match local {
+            true => ("local", "the pendant has control: nobody else may command"),
+            false => ("free", "the pendant gave control back: nothing resumes by itself"),
+        };
+        warn!(change, "{message}");
+        let details = map(json!({ "change": change, "holder": "pendant" }));
+        let message = message.to_owned();
+        self.event(stamp, Severity::Warning, EventKind::Lease, message, details).await;
     }
 
     async fn take_motion(&mut self, stamp: MonoTime, report: &crate::control::MotionReport) {
         let status = {
             let mut board = self.board.lock();
-            let reason = report.reason.as_ref().map(|refusal| board.vocabulary.denial(refusal));
+            let reason = report.reason.as_ref().map(|refusal| board.denial(refusal));
             board.motions.take(stamp, report, reason)
         };
         let Some(status) = status else { return };
@@ -197,60 +214,6 @@ impl Desk {
             };
             self.event(stamp, severity, EventKind::MotionEnded, message, details).await;
         }
-    }
-
-    /// Records a stop whose gate is closed already, and acknowledges what has been reached.
-    async fn take_stop(&mut self, stop: IncomingStop) {
-        let IncomingStop { request, received, closing, readable, query } = stop;
-        let (acks, is_new) = {
-            let mut board = self.board.lock();
-            if !readable {
-                board.count_dropped("unreadable_stop");
-            }
-            let latched = LatchedStop {
-                stop_id: request.stop_id,
-                source: request.source.clone(),
-                level: request.level,
-                reason: request.reason.clone(),
-            };
-            record_stop(&mut board, latched, received, closing)
-        };
-        for ack in &acks {
-            self.acknowledge(ack);
-        }
-        if let (Some(query), Some(highest)) = (query, acks.last()) {
-            self.answer(&query, highest).await;
-        }
-        if is_new {
-            warn!(stop_id = %request.stop_id, source = %request.source, level = ?request.level, "stop");
-            let message =
-                format!("stop {:?} by {}: {}", request.level, request.source, request.reason);
-            let details = map(json!({ "stop_id": request.stop_id, "level": request.level }));
-            self.event(received, Severity::Warning, EventKind::Stop, message, details).await;
-            self.publish_status().await;
-        }
-    }
-
-    async fn take_stage(&mut self, stamp: MonoTime, stage: StopStage) {
-        let acks = {
-            let mut board = self.board.lock();
-            board.stages.push((stage, stamp));
-            match &mut board.stop {
-                Some(record) => {
-                    record.stage = stage;
-                    let stops = record.stops.clone();
-                    stops.iter().map(|stop| ack(&board, stop, stage, stamp)).collect::<Vec<_>>()
-                }
-                None => Vec::new(),
-            }
-        };
-        for ack in &acks {
-            self.acknowledge(ack);
-        }
-        info!(?stage, "stop");
-        let message = format!("stop reached {stage:?}").to_lowercase();
-        let details = map(json!({ "stage": stage }));
-        self.event(stamp, Severity::Info, EventKind::Stop, message, details).await;
     }
 
     async fn remark(&mut self, remark: Remark) {
@@ -289,6 +252,8 @@ impl Desk {
             self.follow_parts(now, &status).await;
         }
         self.forget_collected(now).await;
+        self.settle_streams(now).await;
+        self.record_untold().await;
     }
 
     /// Publishes what a status means for the moves that are parts of the motion.
@@ -318,7 +283,7 @@ impl Desk {
         }
     }
 
-    async fn publish_status(&mut self) {
+    pub(super) async fn publish_status(&mut self) {
         let status = self.board.lock().status(monotonic());
         if let Err(error) = self.status.put(&status).await {
             debug!(%error, "status not published");
@@ -341,7 +306,7 @@ impl Desk {
         }
     }
 
-    async fn event(
+    pub(super) async fn event(
         &mut self,
         stamp: MonoTime,
         severity: Severity,
@@ -366,13 +331,7 @@ impl Desk {
         }
     }
 
-    fn acknowledge(&self, ack: &StopAck) {
-        if let Err(error) = self.stop_acks.put(ack) {
-            debug!(%error, "stop not acknowledged");
-        }
-    }
-
-    async fn answer(&self, query: &Query, ack: &StopAck) {
+    pub(super) async fn answer(&self, query: &Query, ack: &StopAck) {
         let encoding = query
             .encoding()
             .and_then(|label| WireEncoding::from_zenoh(label).ok())
@@ -381,55 +340,7 @@ impl Desk {
     }
 }
 
-/// Writes a stop onto the board; returns the stages it has reached, lowest first, and whether it
-/// was not known before.
-fn record_stop(
-    board: &mut Board,
-    latched: LatchedStop,
-    received: MonoTime,
-    closing: super::stop_gate::Closing,
-) -> (Vec<StopAck>, bool) {
-    if board.stop.is_none() || closing.raised {
-        // Stages of before the closing are of an older stop or a lower level.
-        board.stages.retain(|(_, stamp)| *stamp >= received);
-    }
-    let reached = board.stages.clone();
-    let stage = reached.last().map_or(StopStage::Received, |(stage, _)| *stage);
-    let record = board.stop.get_or_insert_with(|| StopRecord {
-        level: latched.level,
-        stops: Vec::new(),
-        stage,
-        gate_count: closing.count,
-    });
-    record.level = record.level.max(latched.level);
-    record.gate_count = record.gate_count.max(closing.count);
-    record.stage = stage;
-    let known = record.stops.iter().find(|known| known.stop.stop_id == latched.stop_id).cloned();
-    let is_new = known.is_none();
-    let stop = known.unwrap_or_else(|| {
-        let stop = ReceivedStop { stop: latched, received };
-        record.stops.push(stop.clone());
-        stop
-    });
-    let mut acks = vec![ack(board, &stop, StopStage::Received, stop.received)];
-    for (stage, stamp) in reached {
-        acks.push(ack(board, &stop, stage, stamp.max(stop.received)));
-    }
-    (acks, is_new)
-}
-
-fn ack(board: &Board, stop: &ReceivedStop, stage: StopStage, stamp: MonoTime) -> StopAck {
-    StopAck {
-        stop_id: stop.stop.stop_id,
-        robot: board.vocabulary.robot.clone(),
-        boot_id: board.boot_id,
-        stage,
-        stamp_ns: stamp,
-        since_received_ms: stamp.saturating_since(stop.received).as_secs_f64() * 1e3,
-    }
-}
-
-fn map(value: Value) -> Map<String, Value> {
+pub(super) fn map(value: Value) -> Map<String, Value> {
     match value {
         Value::Object(map) => map,
         _ => Map::new(),

@@ -14,18 +14,20 @@ use std::time::Duration;
 use std::{io, mem};
 
 use armada_model::MonoTime;
+use armada_protocol::messages::StopLevel;
 use arrayvec::ArrayVec;
 
 use super::clock::{monotonic, sleep_until};
 use super::link::Link;
 use super::mailbox::{Latest, LoopEnd};
 use super::meter::Meter;
+use super::processor::Processor;
 use super::realtime::{self, RealtimeReport};
-use super::stop_gate::StopGate;
+use super::stop_gate::{Closing, StopGate};
 use super::wake_log::WakeLog;
 use crate::config::RealtimeConfig;
 use crate::control::{Input, LoopEvent, LoopState, MAX_REQUESTS, Output, Params, Refusal, step};
-use crate::drivers::{Driver, Pacing};
+use crate::drivers::{Driver, Feedback, Pacing};
 use crate::recorder::Tape;
 
 /// Everything the loop thread owns or shares.
@@ -38,6 +40,8 @@ pub(super) struct LoopThread {
     pub(super) mailbox: LoopEnd,
     pub(super) gate: Arc<StopGate>,
     pub(super) meter: Arc<Meter>,
+    /// Told at every tick.
+    pub(super) runs_on: Arc<Processor>,
     pub(super) realtime: RealtimeConfig,
     /// A sample of the state falls due every so many ticks.
     pub(super) ticks_per_sample: u64,
@@ -52,6 +56,8 @@ pub(super) struct LoopThread {
     pub(super) save: Arc<AtomicBool>,
     /// For who measures this loop.
     pub(super) wake_log: Option<WakeLog>,
+    /// Whether the controller's emergency stop was pressed when it was looked at last.
+    pub(super) emergency_stop: bool,
 }
 
 /// A running loop.
@@ -89,6 +95,7 @@ impl LoopThread {
             let missed = whole_periods(woke.saturating_since(deadline), period);
             let tick = deadline + period * u32::try_from(missed).unwrap_or(u32::MAX);
             self.meter.count_tick(woke.saturating_since(deadline), missed);
+            self.runs_on.note();
             if let Some(log) = &mut self.wake_log {
                 log.note(tick, woke);
             }
@@ -113,9 +120,11 @@ impl LoopThread {
     fn tick(&mut self, woke: MonoTime, deadline: MonoTime, carry: &mut Carry) {
         let driver = &mut self.driver;
         self.link.receive(|endpoint, _, bytes| driver.receive(woke, endpoint, bytes));
+        let feedback = driver.feedback().copied();
+        self.watch_emergency_stop(feedback.as_ref());
         let mut input = Input {
             now: deadline,
-            feedback: driver.feedback().copied(),
+            feedback,
             stop: self.gate.level(),
             loop_error: carry.loop_error,
             requests: ArrayVec::new(),
@@ -135,11 +144,27 @@ impl LoopThread {
         if let Some(tape) = &mut self.tape {
             tape.before(&self.state, &input);
         }
-        let output = step(&self.params, &mut self.state, &mut input);
+        let mut output = step(&self.params, &mut self.state, &mut input);
         self.record(&input, &output);
         self.send(woke, &output);
-        self.report(output, &mut carry.due);
+        self.report(&mut output, &mut carry.due);
         carry.asked.clear();
+    }
+
+    /// Closes the gate when the controller's emergency stop is pressed, before this tick's step
+    /// looks at it: no message comes in between.
+    fn watch_emergency_stop(&mut self, feedback: Option<&Feedback>) {
+        let Some(feedback) = feedback else { return };
+        let before = mem::replace(&mut self.emergency_stop, feedback.emergency_stop);
+        if before || !feedback.emergency_stop {
+            return;
+        }
+        let Closing { count: closing, raised } = self.gate.close(StopLevel::L1);
+        let event = LoopEvent::EmergencyStop { closing, raised };
+        if self.mailbox.events.push((monotonic(), event)).is_err() {
+            self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
+        }
+        self.publisher.unpark();
     }
 
     /// Answers the requests of a step that panicked. One that it had answered or left to wait may
@@ -176,18 +201,22 @@ impl LoopThread {
         self.meter.note_link(&driver.counters());
     }
 
-    fn report(&mut self, output: Output, due: &mut Due) {
+    fn report(&mut self, output: &mut Output, due: &mut Due) {
         let sample = due.tick();
         let said = monotonic();
         let seqno = output.snapshot.seqno;
         let class = self.ticks_per_class.iter().any(|&ticks| seqno.is_multiple_of(ticks.max(1)));
         let something = sample || class || !output.events.is_empty() || !output.retired.is_empty();
-        for event in output.events {
+        // Drained in place: moved, each would be copied with all its unused room.
+        for event in output.events.drain(..) {
+            if let LoopEvent::StopRaised(level) = event {
+                self.gate.raise(level);
+            }
             if self.mailbox.events.push((said, event)).is_err() {
                 self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
             }
         }
-        for retired in output.retired {
+        for retired in output.retired.drain(..) {
             if let Err(rtrb::PushError::Full(retired)) = self.mailbox.retired.push(retired) {
                 // Freeing it would take the allocator's lock in the loop; losing it is cheaper.
                 mem::forget(retired);
@@ -242,9 +271,7 @@ mod tests {
     use super::super::mailbox::mailbox;
     use super::*;
     use crate::control::{LoopRequest, Order};
-    use crate::drivers::{
-        Abilities, DriverRequest, Endpoint, Feedback, LinkCounters, SetPoint, Transmit,
-    };
+    use crate::drivers::{Abilities, DriverRequest, Endpoint, LinkCounters, SetPoint, Transmit};
 
     const PERIOD: Duration = Duration::from_millis(1);
 
@@ -320,6 +347,7 @@ mod tests {
             mailbox: loop_end,
             gate: Arc::default(),
             meter: Arc::clone(&meter),
+            runs_on: Arc::default(),
             realtime: RealtimeConfig { priority: None, cpu: None, lock_memory: false },
             ticks_per_sample: 1,
             ticks_per_class: Vec::new(),
@@ -328,6 +356,7 @@ mod tests {
             tape: None,
             save: Arc::default(),
             wake_log: None,
+            emergency_stop: false,
         };
         let running = running.start().expect("a thread");
         let deadline = monotonic() + Duration::from_secs(10);

@@ -17,6 +17,7 @@ use super::board::SharedBoard;
 use super::clock::{monotonic, utc_ns};
 use super::equipment::SharedEquipment;
 use super::mailbox::{PublisherEnd, StampedEvent};
+use super::processor::Follower;
 use crate::control::{Equipment, EquippedChain, Snapshot};
 
 /// How long the thread sleeps if nobody wakes it, so that it sees the shutdown.
@@ -24,11 +25,27 @@ const IDLE: Duration = Duration::from_millis(100);
 
 /// The state at a lower rate.
 pub(super) struct StateClass {
-    pub(super) sender: Sender,
+    sender: Sender,
     /// It falls due every so many ticks, at ticks whose number they divide.
-    pub(super) ticks_per_sample: u64,
-    /// How often it had fallen due when it was last published.
-    pub(super) published: u64,
+    ticks_per_sample: u64,
+    /// How often it had fallen due when it was last looked at.
+    seen: u64,
+    /// Whether it had fallen due then, and somebody listened to it.
+    is_wanted: bool,
+}
+
+impl StateClass {
+    /// A class that falls due every `ticks_per_sample` ticks.
+    pub(super) const fn new(sender: Sender, ticks_per_sample: u64) -> Self {
+        Self { sender, ticks_per_sample, seen: 0, is_wanted: false }
+    }
+
+    /// Looks whether it has fallen due, and somebody listens to it.
+    fn look(&mut self, seqno: u64) {
+        let number = seqno / self.ticks_per_sample.max(1);
+        let is_due = std::mem::replace(&mut self.seen, number) != number;
+        self.is_wanted = is_due && self.sender.has_subscribers();
+    }
 }
 
 /// Everything the publisher thread owns or shares.
@@ -52,18 +69,18 @@ pub(super) struct Publisher {
 }
 
 impl Publisher {
-    /// Runs until the shutdown.
-    pub(super) fn run(mut self) {
+    /// Runs until the shutdown, on the loop's processor if there is a `follower`.
+    pub(super) fn run(mut self, mut follower: Option<Follower>) {
         let mut published = 0;
         while !self.shutdown.load(Ordering::Relaxed) {
             std::thread::park_timeout(IDLE);
             while self.mailbox.retired.pop().is_ok() {}
             let latest = *self.mailbox.latest.read();
-            if latest.due != published {
-                published = latest.due;
-                self.publish(&latest.snapshot);
+            let is_due = std::mem::replace(&mut published, latest.due) != latest.due;
+            self.publish(&latest.snapshot, is_due);
+            if let Some(follower) = &mut follower {
+                follower.follow(latest.snapshot.stamp);
             }
-            self.publish_classes(&latest.snapshot);
             let before = std::mem::replace(&mut self.board.lock().snapshot, latest.snapshot);
             if condition(&before) != condition(&latest.snapshot) {
                 self.changed.notify_one();
@@ -77,37 +94,27 @@ impl Publisher {
         }
     }
 
-    fn publish(&mut self, snapshot: &Snapshot) {
+    /// Publishes what has fallen due and somebody listens to; the state itself if it `is_due`, and
+    /// at lower rates by its number.
+    fn publish(&mut self, snapshot: &Snapshot, is_due: bool) {
         self.follow_equipment(snapshot.config_seqno);
-        let state = self.robot_state(snapshot);
-        if let Err(error) = self.state.put(&state) {
-            debug!(%error, "state not published");
-        }
-        if self.joint_states.has_subscribers()
-            && let Err(error) = self.joint_states.put(&self.joint_state(&state))
-        {
-            debug!(%error, "joint states not published");
-        }
-    }
-
-    /// Publishes the state where a lower rate falls due that somebody listens to.
-    fn publish_classes(&mut self, snapshot: &Snapshot) {
-        let mut due = Vec::new();
-        for (index, class) in self.classes.iter_mut().enumerate() {
-            let number = snapshot.seqno / class.ticks_per_sample.max(1);
-            let falls_due = std::mem::replace(&mut class.published, number) != number;
-            if falls_due && class.sender.has_subscribers() {
-                due.push(index);
-            }
-        }
-        if due.is_empty() {
+        let wants_state = is_due && self.state.has_subscribers();
+        let wants_joints = is_due && self.joint_states.has_subscribers();
+        self.classes.iter_mut().for_each(|class| class.look(snapshot.seqno));
+        let classes = self.classes.iter().filter(|class| class.is_wanted);
+        let own = wants_state.then_some(&self.state).into_iter();
+        let mut senders = own.chain(classes.map(|class| &class.sender)).peekable();
+        if senders.peek().is_none() && !wants_joints {
             return;
         }
         let state = self.robot_state(snapshot);
-        for class in due.into_iter().filter_map(|index| self.classes.get(index)) {
-            if let Err(error) = class.sender.put(&state) {
+        for sender in senders {
+            if let Err(error) = sender.put(&state) {
                 debug!(%error, "state not published");
             }
+        }
+        if wants_joints && let Err(error) = self.joint_states.put(&self.joint_state(&state)) {
+            debug!(%error, "joint states not published");
         }
     }
 
@@ -181,9 +188,12 @@ impl Publisher {
 }
 
 /// What a status says of the robot's condition.
-const fn condition(snapshot: &Snapshot) -> (CommandMode, ControllerState, OperationalMode, u64) {
+type Condition = (CommandMode, ControllerState, OperationalMode, u64, Option<MonoTime>);
+
+/// The condition that a snapshot shows.
+const fn condition(snapshot: &Snapshot) -> Condition {
     let Snapshot { command_mode, controller_state, operational_mode, flags, .. } = *snapshot;
-    (command_mode, controller_state, operational_mode, flags.bits())
+    (command_mode, controller_state, operational_mode, flags.bits(), snapshot.acknowledged)
 }
 
 /// The wall clock at `stamp`, which lies a moment back.

@@ -51,7 +51,7 @@ pub fn enter(config: &RealtimeConfig) -> RealtimeReport {
     note("timer slack of 1 ns", set_current_timer_slack(Some(one_ns)).map_err(|e| e.to_string()));
     let memory_locked = config.lock_memory && note("memory lock", lock_memory());
     if let Some(cpu) = config.cpu {
-        note("fixed processor", fix_processor(cpu));
+        note("fixed processor", fix_processor(usize::from(cpu)));
     }
     if let Some(priority) = config.priority {
         note("SCHED_FIFO", schedule_fifo(priority));
@@ -70,8 +70,8 @@ fn lock_memory() -> Result<(), String> {
     mlockall(flags).map_err(|error| error.to_string())
 }
 
-fn fix_processor(cpu: u16) -> Result<(), String> {
-    let cpu = usize::from(cpu);
+/// Keeps the calling thread on one processor.
+pub(super) fn fix_processor(cpu: usize) -> Result<(), String> {
     if cpu >= CpuSet::MAX_CPU {
         return Err(format!("there is no processor {cpu}"));
     }

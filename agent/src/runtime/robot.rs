@@ -10,10 +10,12 @@ use uuid::Uuid;
 
 use super::agent::AgentError;
 use super::capabilities::{capabilities, loop_abilities, methods, parameter_slots, signal_slots};
+use super::stop_latch::ResetRules;
 use crate::config::RobotConfig;
 use crate::control::Params;
 use crate::drivers::{Abilities, Driver};
 use crate::equipment::EquipmentBook;
+use crate::stop_sources::StopSourceSetting;
 
 /// The robot as its files describe it.
 pub(super) struct Robot {
@@ -26,6 +28,8 @@ pub(super) struct Robot {
     pub(super) limits: MotionLimits,
     pub(super) abilities: Abilities,
     pub(super) book: EquipmentBook,
+    pub(super) reset_rules: ResetRules,
+    pub(super) stop_sources: Vec<StopSourceSetting>,
 }
 
 /// The robots of an agent, each of another name.
@@ -63,14 +67,32 @@ impl Robot {
         let setup = config.driver_setup(&model, NonZeroU64::MIN)?;
         // Made only to be asked what its controller can do: it opens no connection by itself.
         let abilities = config.driver.driver(&setup)?.abilities();
+        let signals = signal_slots(&abilities.signals);
+        let acknowledges = config.acknowledge_signal(&abilities.signals)?;
+        let slot = acknowledges.and_then(|index| signals.get(index));
         let params = Params {
             abilities: loop_abilities(&abilities),
-            signals: signal_slots(&abilities.signals),
+            acknowledge: slot.map(|slot| slot.first),
+            signals,
             parameters: parameter_slots(&abilities.parameters),
             ..config.params(&model)?
         };
         let limits = MotionLimits::new(&params.limits)?;
-        Ok(Self { config, urdf, model, joints, chains, params, limits, abilities, book })
+        let reset_rules = ResetRules { zone: config.stop.reset.zone, key: config.reset_key()? };
+        let stop_sources = config.stop_sources()?;
+        Ok(Self {
+            config,
+            urdf,
+            model,
+            joints,
+            chains,
+            params,
+            limits,
+            abilities,
+            book,
+            reset_rules,
+            stop_sources,
+        })
     }
 
     pub(super) fn joint_names(&self) -> Vec<String> {

@@ -1,5 +1,6 @@
 //! One robot of an agent: loop, publisher, desk and the keys it answers.
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::thread::Thread;
@@ -8,7 +9,9 @@ use std::time::Duration;
 use armada_protocol::RobotName;
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::keys;
-use armada_protocol::messages::{CommandMode, EventKind, RobotFlags, SchedulingPolicy, Severity};
+use armada_protocol::messages::{
+    CommandMode, EventKind, LatchedStop, RobotFlags, SchedulingPolicy, Severity,
+};
 use rtrb::Producer;
 use serde_json::Map;
 use tokio::sync::{Notify, Semaphore, mpsc, watch};
@@ -21,25 +24,31 @@ use super::agent::AgentError;
 use super::board::{Board, SharedBoard};
 use super::bus::{self, Keys};
 use super::clock::monotonic;
-use super::desk::{Desk, Inboxes, Remark};
+use super::desk::{Desk, Flapping, Inboxes, Remark};
 use super::equipment::SharedEquipment;
 use super::link::Link;
 use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
 use super::meter::{Meter, MeterReader};
+use super::processor::Processor;
 use super::publisher::{Publisher, StateClass};
 use super::realtime::RealtimeReport;
 use super::recordings::{Recorder, Recordings};
 use super::requests::{MAX_WAITS, Requests};
 use super::robot::Robot;
+use super::stop_file::{Kept, StateError, StopFile};
 use super::stop_gate::StopGate;
-use super::stop_intake::StopIntake;
+use super::stop_intake::{self, IncomingStop, StopIntake};
+use super::stop_keeper::StopKeeper;
+use super::stop_latch::{CONTROLLER, StopRecord, at_start, untold};
+use super::stop_sources::StopSourceAsker;
 use super::stream_intake::StreamIntake;
 use super::threads::Threads;
 use super::wake_log::WakeLog;
 use super::words::Vocabulary;
 use crate::control::{Input, LoopRequest, LoopState, Params, step};
 use crate::recorder::Tape;
+use crate::stop_sources::StopSources;
 
 /// How long a robot that is shut down gets to stand still.
 const STANDSTILL_PATIENCE: Duration = Duration::from_secs(5);
@@ -59,6 +68,7 @@ pub(super) struct RobotAgent {
     threads: Threads,
     desk: Task<()>,
     span: Span,
+    keeper: Arc<StopKeeper>,
     _keys: Keys,
     _streams: StreamIntake,
 }
@@ -71,26 +81,48 @@ impl RobotAgent {
     pub(super) async fn start(
         session: &Session,
         robot: &Robot,
+        state_dir: Option<&Path>,
+        wake_log: Option<WakeLog>,
+    ) -> Result<Self, AgentError> {
+        let shared = Shared::new(session, robot, state_dir).await?;
+        let keeper = Arc::clone(&shared.keeper);
+        let started = Self::start_latched(session, robot, shared, wake_log).await;
+        if started.is_err()
+            && let Err(problem) = keeper.end().await
+        {
+            warn!(problem, "the end of this start is not kept: the next one will latch a stop");
+        }
+        started
+    }
+
+    async fn start_latched(
+        session: &Session,
+        robot: &Robot,
+        shared: Shared,
         wake_log: Option<WakeLog>,
     ) -> Result<Self, AgentError> {
         let name = robot.config.robot.clone();
         let span = info_span!("robot", %name);
-        let shared = Shared::new(session, robot).await?;
         let (loop_end, publisher_end, clients) = mailbox(shared.board.lock().snapshot);
         let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
         let publisher = shared.publisher(session, robot, publisher_end, to_desk).await?;
         // From here on an error drops the threads, which ends them.
         let mut threads = Threads::new(Arc::clone(&shared.shutdown));
-        let publisher = threads.publish(publisher, &robot.config, span.clone())?;
+        let runs_on = Arc::clone(&shared.runs_on);
+        let publisher = threads.publish(publisher, &robot.config, runs_on, span.clone())?;
         let mut loop_thread = shared.loop_thread(robot, loop_end, publisher)?;
         loop_thread.wake_log = wake_log;
         let recorder = shared.recorder(robot, &mut loop_thread)?;
+        shared.note_running().await?;
         let realtime = threads.control(loop_thread)?;
         info!(robot = %name, period_ms = robot.config.control.period_ms, scheduling = %realtime,
             "control loop runs");
+        let (to_stops, stops) = mpsc::channel(stop_intake::QUEUE);
         let gate = Arc::clone(&shared.gate);
-        let (stop, stops) =
-            StopIntake::open(session, &name, gate).await.map_err(bus::zenoh_error)?;
+        let stop = StopIntake::open(session, &name, gate, to_stops.clone()).await;
+        let stop = stop.map_err(bus::zenoh_error)?;
+        let sources = shared.stop_sources(session, to_stops);
+        drop(start_task(sources.run().instrument(span.clone())));
         let (remarks, remarked) = mpsc::channel(DESK_QUEUE);
         let (cleared, cleared_seen) = watch::channel(0);
         let desk = shared.desk(session, robot, realtime.policy, cleared).await?;
@@ -107,7 +139,7 @@ impl RobotAgent {
         let streams = StreamIntake::open(session, robot, clients.samples, &shared.board).await;
         let streams = streams.map_err(bus::zenoh_error)?;
         let keys = bus::open_keys(session, robot, &shared.board, &requests, stop).await?;
-        let board = shared.board;
+        let (board, keeper) = (shared.board, shared.keeper);
         let agent = Self {
             name,
             requests,
@@ -117,10 +149,18 @@ impl RobotAgent {
             threads,
             desk,
             span,
+            keeper,
             _keys: keys,
             _streams: streams,
         };
         agent.remark(EventKind::Started, format!("agent {} started", env!("CARGO_PKG_VERSION")));
+        let latched = agent.board.lock().kept().stops;
+        for stop in latched {
+            let LatchedStop { source, level, reason, .. } = stop;
+            warn!(source, ?level, reason, "stopped from the start");
+            let message = format!("stopped from the start, {level:?} by {source}: {reason}");
+            agent.remark(EventKind::Stop, message);
+        }
         Ok(agent)
     }
 
@@ -154,6 +194,10 @@ impl RobotAgent {
         // The publisher was the only source of loop events, so the desk ends by itself.
         if self.desk.await.is_err() {
             error!("the desk panicked");
+        }
+        keep_untold_stop(&self.requests, &self.board, &self.keeper);
+        if let Err(problem) = self.keeper.end().await {
+            warn!(problem, "this end is not kept: the next agent will latch a stop");
         }
     }
 
@@ -190,7 +234,10 @@ impl RobotAgent {
 struct Shared {
     boot_id: Uuid,
     gate: Arc<StopGate>,
+    keeper: Arc<StopKeeper>,
     meter: Arc<Meter>,
+    /// Where the loop runs.
+    runs_on: Arc<Processor>,
     board: Arc<SharedBoard>,
     equipment: Arc<SharedEquipment>,
     changed: Arc<Notify>,
@@ -198,18 +245,33 @@ struct Shared {
 }
 
 impl Shared {
-    async fn new(session: &Session, robot: &Robot) -> Result<Self, AgentError> {
+    async fn new(
+        session: &Session,
+        robot: &Robot,
+        state_dir: Option<&Path>,
+    ) -> Result<Self, AgentError> {
+        let (keeper, kept) = open_kept(robot, state_dir)?;
         let boot_id = Uuid::now_v7();
         let first = first_snapshot(&robot.params)?;
         let vocabulary =
             Vocabulary { robot: robot.config.robot.clone(), joints: robot.joints.clone() };
         let info = robot.info(boot_id);
         let publisher = bus::declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
+        let gate = Arc::<StopGate>::default();
+        let closing = kept.level.map(|level| gate.close(level).count);
+        let name = robot.config.robot.clone();
+        let now = monotonic();
+        let mut board = Board::new(vocabulary, boot_id, first);
+        board.stop = StopRecord::from_kept(&kept, closing.unwrap_or_default(), now);
+        board.reset_rules = robot.reset_rules.clone();
+        board.stop_sources = StopSources::new(name, robot.stop_sources.clone(), now);
         Ok(Self {
             boot_id,
-            gate: Arc::default(),
+            gate,
+            keeper: Arc::new(keeper),
             meter: Arc::default(),
-            board: Arc::new(SharedBoard::new(Board::new(vocabulary, boot_id, first))),
+            runs_on: Arc::default(),
+            board: Arc::new(SharedBoard::new(board)),
             equipment: Arc::new(SharedEquipment::new(robot.book.clone(), info, publisher)),
             changed: Arc::default(),
             shutdown: Arc::default(),
@@ -228,7 +290,7 @@ impl Shared {
         let mut classes = Vec::new();
         for (rate_hz, ticks_per_sample) in robot.state_classes() {
             let sender = bus::declare_class(session, robot, rate_hz).await?;
-            classes.push(StateClass { sender, ticks_per_sample, published: 0 });
+            classes.push(StateClass::new(sender, ticks_per_sample));
         }
         Ok(Publisher {
             mailbox,
@@ -254,6 +316,9 @@ impl Shared {
         publisher: Thread,
     ) -> Result<LoopThread, AgentError> {
         let driver = robot.driver(self.boot_id)?;
+        // A press that is latched already is none that is new.
+        let kept = self.board.lock().kept();
+        let emergency_stop = kept.stops.iter().any(|stop| stop.source == CONTROLLER);
         Ok(LoopThread {
             name: robot.config.robot.to_string(),
             params: robot.params.clone(),
@@ -263,6 +328,7 @@ impl Shared {
             mailbox,
             gate: Arc::clone(&self.gate),
             meter: Arc::clone(&self.meter),
+            runs_on: Arc::clone(&self.runs_on),
             realtime: robot.config.control.realtime,
             ticks_per_sample: robot.ticks_per_sample(),
             ticks_per_class: robot.state_classes().into_iter().map(|(_, ticks)| ticks).collect(),
@@ -271,6 +337,7 @@ impl Shared {
             tape: None,
             save: Arc::default(),
             wake_log: None,
+            emergency_stop,
         })
     }
 
@@ -314,7 +381,12 @@ impl Shared {
             meter: Arc::clone(&self.meter),
             boot_id: self.boot_id,
             event_seqno: 0,
+            flapping: Flapping::default(),
             cleared,
+            gate: Arc::clone(&self.gate),
+            keeper: Arc::clone(&self.keeper),
+            estop_stops_cell: robot.config.stop.estop_stops_cell,
+            untold: None,
         })
     }
 
@@ -344,7 +416,49 @@ impl Shared {
             chain_names: robot.chain_names(),
             waits: Semaphore::new(MAX_WAITS),
             boot_id: self.boot_id,
+            keeper: Arc::clone(&self.keeper),
+            resetting: tokio::sync::Mutex::default(),
         }
+    }
+
+    /// What asks the robot's sources of stops.
+    fn stop_sources(&self, session: &Session, desk: mpsc::Sender<IncomingStop>) -> StopSourceAsker {
+        StopSourceAsker {
+            session: session.clone(),
+            board: Arc::clone(&self.board),
+            gate: Arc::clone(&self.gate),
+            desk,
+            changed: Arc::clone(&self.changed),
+        }
+    }
+
+    /// Has it kept that the loop runs, with what is latched: from here on an end that is not in order
+    /// is a stop of the next agent.
+    async fn note_running(&self) -> Result<(), AgentError> {
+        let number = self.keeper.keep(self.board.lock().kept());
+        self.keeper.durable(number).await.map_err(|problem| StateError::NotKept(problem).into())
+    }
+}
+
+/// Opens the file of the robot's latched stops, with what was latched before.
+fn open_kept(robot: &Robot, folder: Option<&Path>) -> Result<(StopKeeper, Kept), AgentError> {
+    let name = &robot.config.robot;
+    let Some(folder) = folder else {
+        info!(robot = %name, "no state folder: a latched stop is over when this agent ends");
+        return Ok((StopKeeper::none(), Kept::default()));
+    };
+    let (file, found) = StopFile::open(folder, name)?;
+    let kept = at_start(found);
+    Ok((StopKeeper::start(file, kept.clone()), kept))
+}
+
+/// Keeps a stop that came in when nobody wrote stops down any more.
+fn keep_untold_stop(requests: &Requests, board: &SharedBoard, keeper: &StopKeeper) {
+    let gate = &requests.gate;
+    let board = board.lock();
+    let told = board.stop.as_ref().map(|stop| stop.gate_count);
+    if let Some(level) = gate.level().filter(|_| told < Some(gate.count())) {
+        keeper.keep(untold(board.kept(), level, "a stop came in while the agent ended"));
     }
 }
 

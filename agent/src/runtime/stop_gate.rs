@@ -42,6 +42,23 @@ impl StopGate {
         self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, open).is_ok()
     }
 
+    /// Raises the level of a closed gate, since the robot does not come to rest; an open one stays
+    /// open. No closing by itself: whoever resets the stop has seen it.
+    pub(super) fn raise(&self, level: StopLevel) {
+        let asked = encode(level);
+        let raise = |word: u64| {
+            let before = word & LEVEL_MASK;
+            (before != 0).then_some((word & !LEVEL_MASK) | before.max(asked))
+        };
+        // An open gate is left as it is.
+        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, raise);
+    }
+
+    /// How often it has been closed.
+    pub(super) fn count(&self) -> u64 {
+        self.0.load(Ordering::Acquire) >> LEVEL_BITS
+    }
+
     /// Level it is closed at.
     pub(super) fn level(&self) -> Option<StopLevel> {
         decode(self.0.load(Ordering::Acquire) & LEVEL_MASK)
@@ -87,6 +104,19 @@ mod tests {
         gate.close(StopLevel::L2);
         assert!(!gate.open(seen));
         assert_eq!(gate.level(), Some(StopLevel::L2));
+    }
+
+    #[test]
+    fn a_raise_closes_nothing_and_keeps_the_count() {
+        let gate = StopGate::default();
+        gate.raise(StopLevel::L0);
+        assert_eq!((gate.level(), gate.count()), (None, 0));
+        let closing = gate.close(StopLevel::L2);
+        gate.raise(StopLevel::L1);
+        assert_eq!((gate.level(), gate.count()), (Some(StopLevel::L1), closing.count));
+        gate.raise(StopLevel::L2);
+        assert_eq!(gate.level(), Some(StopLevel::L1), "it only rises");
+        assert!(gate.open(closing.count));
     }
 
     #[test]

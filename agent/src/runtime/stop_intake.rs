@@ -22,8 +22,8 @@ use super::stop_gate::{Closing, StopGate};
 
 /// Longest stop request that is read \[bytes\].
 const MAX_STOP_BYTES: usize = 64 * 1024;
-/// Stops waiting for the desk; the gate is closed by more than that too, only unrecorded.
-const QUEUE: usize = 256;
+/// Stops waiting for the desk; more than that close the gate too, and the desk finds out.
+pub(super) const QUEUE: usize = 256;
 
 /// A stop that has closed the gate.
 #[derive(Debug)]
@@ -62,8 +62,8 @@ impl StopIntake {
         session: &Session,
         robot: &RobotName,
         gate: Arc<StopGate>,
-    ) -> zenoh::Result<(Self, mpsc::Receiver<IncomingStop>)> {
-        let (desk, incoming) = mpsc::channel(QUEUE);
+        desk: mpsc::Sender<IncomingStop>,
+    ) -> zenoh::Result<Self> {
         let intake = Arc::new(Intake { robot: robot.clone(), gate, desk });
         let (for_cell, for_own, for_query) = (intake.clone(), intake.clone(), intake);
         let cell = session
@@ -86,7 +86,7 @@ impl StopIntake {
                 for_query.take(payload.as_ref(), encoding.as_ref(), Some(query));
             })
             .await?;
-        Ok((Self { _cell: cell, _own: own, _queryable: queryable }, incoming))
+        Ok(Self { _cell: cell, _own: own, _queryable: queryable })
     }
 }
 
@@ -101,7 +101,7 @@ impl Intake {
         }
         let closing = self.gate.close(request.level);
         let stop = IncomingStop { request, received, closing, readable, query };
-        // When the desk is flooded the robot stops all the same; repetitions are recorded later.
+        // When the desk is flooded the robot stops all the same, and the desk finds out.
         drop(self.desk.try_send(stop));
     }
 }
@@ -119,5 +119,68 @@ fn unreadable() -> StopRequest {
         scope: StopScope::Cell,
         reason: "something that is no stop request came in on a stop key".to_owned(),
         seq: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn intake(desk: mpsc::Sender<IncomingStop>) -> Intake {
+        let robot = "left_arm".parse().expect("a name");
+        Intake { robot, gate: Arc::default(), desk }
+    }
+
+    fn payload(level: StopLevel) -> ZBytes {
+        let request = StopRequest { level, ..unreadable() };
+        WireEncoding::Json.encode(&request).expect("encodes").into()
+    }
+
+    #[test]
+    fn invariant_02_a_stop_waits_for_nobody_who_records_it() {
+        let (desk, mut incoming) = mpsc::channel(1);
+        let intake = intake(desk);
+        intake.take(Some(&payload(StopLevel::L2)), None, None);
+        // Nobody takes it out, so there is no room for the next one.
+        intake.take(Some(&payload(StopLevel::L1)), None, None);
+        assert_eq!((intake.gate.level(), intake.gate.count()), (Some(StopLevel::L1), 2));
+        assert_eq!(incoming.try_recv().expect("the first").request.level, StopLevel::L2);
+        drop(incoming);
+        intake.take(Some(&payload(StopLevel::L0)), None, None);
+        assert_eq!(intake.gate.level(), Some(StopLevel::L0), "whoever recorded stops is dead");
+    }
+
+    #[test]
+    fn invariant_02_a_stop_of_one_robot_takes_no_lock_of_another() {
+        let (desk, _incoming) = mpsc::channel(8);
+        let robots: Vec<_> = (0..4).map(|_| intake(desk.clone())).collect();
+        let guarded = std::panic::AssertUnwindSafe(|| {
+            std::thread::scope(|scope| {
+                for (index, robot) in robots.iter().enumerate() {
+                    scope.spawn(move || {
+                        robot.take(Some(&payload(StopLevel::L1)), None, None);
+                        assert_ne!(index, 0, "what panics beside it takes no stop along");
+                    });
+                }
+            });
+        });
+        assert!(std::panic::catch_unwind(guarded).is_err(), "one of them panicked");
+        assert!(robots.iter().all(|robot| robot.gate.level() == Some(StopLevel::L1)));
+    }
+
+    #[test]
+    fn invariant_03_what_cannot_be_read_stops_too_and_what_is_for_others_does_not() {
+        let (desk, mut incoming) = mpsc::channel(8);
+        let intake = intake(desk);
+        let others = StopRequest {
+            scope: StopScope::Robots(vec!["right_arm".parse().expect("a name")]),
+            ..unreadable()
+        };
+        let others = WireEncoding::Json.encode(&others).expect("encodes").into();
+        intake.take(Some(&others), None, None);
+        assert_eq!(intake.gate.level(), None);
+        intake.take(Some(&ZBytes::from("stop!")), None, None);
+        assert_eq!(intake.gate.level(), Some(StopLevel::L2));
+        assert!(!incoming.try_recv().expect("recorded").readable);
     }
 }

@@ -5,9 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Builder, JoinHandle, Thread};
 
+use armada_protocol::messages::SchedulingPolicy;
 use tracing::Span;
 
 use super::loop_thread::LoopThread;
+use super::processor::{Follower, Processor};
 use super::publisher::Publisher;
 use super::realtime::{self, RealtimeReport};
 use crate::config::{RealtimeConfig, RobotConfig};
@@ -30,22 +32,29 @@ impl Threads {
 
     /// Starts the publisher; returns how the loop wakes it. What it logs is within `span`.
     ///
+    /// It goes where the loop runs (`runs_on`) if it may go before all ordinary threads there, and
+    /// the loop was not given a processor of its own.
+    ///
     /// # Errors
     /// The system gives no thread.
     pub(super) fn publish(
         &mut self,
         publisher: Publisher,
         config: &RobotConfig,
+        runs_on: Arc<Processor>,
         span: Span,
     ) -> io::Result<Thread> {
         let name = format!("publish-{}", config.robot);
         let priority = config.control.realtime.priority;
         let priority = priority.map(|priority| priority.saturating_sub(BELOW_LOOP).max(1));
         let scheduling = RealtimeConfig { priority, cpu: None, lock_memory: false };
+        let loop_is_alone = config.control.realtime.cpu.is_some();
         let run = move || {
             // Refused where it is refused to the loop, which says so.
-            realtime::enter(&scheduling);
-            span.in_scope(|| publisher.run());
+            let report = realtime::enter(&scheduling);
+            let follows = report.policy != SchedulingPolicy::Other && !loop_is_alone;
+            let follower = follows.then(|| Follower::of(runs_on));
+            span.in_scope(|| publisher.run(follower));
         };
         let handle = Builder::new().name(name).spawn(run)?;
         let thread = handle.thread().clone();

@@ -3,11 +3,12 @@
 use armada_model::TrajectoryError;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, OperationalMode,
-    StopLevel,
+    ClearBy, CommandMode, Denial, DenialCode, Fault, FaultCode, JointInfo, LeaseScope,
+    OperationalMode, Role, StopLevel,
 };
 use serde_json::Value;
 
+use super::leases::title;
 use crate::control::{LoopFault, Refusal, clear_by};
 
 /// Who and what the words are about.
@@ -128,7 +129,9 @@ impl Vocabulary {
                 DenialCode::NotSupported,
                 format!("{} does not have {what}", self.robot),
             ),
-            Refusal::LeaseRequired { remaining_s } => self.driven_by("somebody else", remaining_s),
+            Refusal::LeaseRequired { remaining_s } => {
+                self.driven_by(("somebody else", Role::Program), remaining_s)
+            }
             Refusal::LeaseStale => Denial::new(
                 DenialCode::LeaseStale,
                 format!("the lease of {} is not in force any more: acquire it anew", self.robot),
@@ -140,6 +143,45 @@ impl Vocabulary {
                 DenialCode::LeaseRequired,
                 format!("{}: somebody acquired the lease", self.robot),
             ),
+            Refusal::LocalControl => Denial::new(
+                DenialCode::LeaseRequired,
+                format!("the pendant of {} has control: it is given back there only", self.robot),
+            )
+            .with("holder", "pendant")
+            .with("authority", "local"),
+            Refusal::RoleTooLow { needed } => Denial::new(
+                DenialCode::LeaseRequired,
+                format!(
+                    "to take the lease of {} needs the role {} or a higher one",
+                    self.robot,
+                    role_name(needed)
+                ),
+            )
+            .with("field", "role")
+            .with("needed", role_name(needed)),
+            Refusal::ScopeTooNarrow { scope, needed } => Denial::new(
+                DenialCode::LeaseRequired,
+                format!(
+                    "this sub-lease of {} is for {}, and {} is needed: ask the holder of the lease",
+                    self.robot,
+                    scope_name(scope),
+                    scope_name(needed)
+                ),
+            )
+            .with("scope", scope_name(scope))
+            .with("needed", scope_name(needed)),
+            Refusal::DelegatedAlready => Denial::new(
+                DenialCode::LeaseRequired,
+                format!(
+                    "a sub-lease of {} cannot be delegated again: ask the holder of the lease",
+                    self.robot
+                ),
+            ),
+            Refusal::TooManyDelegates { limit } => Denial::new(
+                DenialCode::Busy,
+                format!("the lease of {} has {limit} sub-leases already", self.robot),
+            )
+            .with("limit", limit),
             Refusal::OperationalMode(mode) => Denial::new(
                 DenialCode::WrongMode,
                 format!(
@@ -158,7 +200,11 @@ impl Vocabulary {
             Refusal::QueueBroken => self.ended("the motion before it ended early"),
             Refusal::NotPausable => Denial::new(
                 DenialCode::NotSupported,
-                format!("the motion of {} cannot be paused", self.robot),
+                format!(
+                    "this motion of {} cannot be paused: trajectories, single moves and jogs to a \
+                     position can while they are in progress, unless other robots keep their pace",
+                    self.robot
+                ),
             ),
             Refusal::NoHome { joint } => Denial::new(
                 DenialCode::NotSupported,
@@ -217,20 +263,21 @@ impl Vocabulary {
         .with("needed", name(needed))
     }
 
-    /// The denial of a command while `holder` has the lease for so long \[s\].
-    pub(super) fn driven_by(&self, holder: &str, remaining_s: f64) -> Denial {
-        let robot = &self.robot;
+    /// The denial of a command while `holder`, in its role, has the lease for so long \[s\].
+    pub(super) fn driven_by(&self, (holder, role): (&str, Role), remaining_s: f64) -> Denial {
+        let (robot, who) = (&self.robot, title(holder, role));
         let message = if remaining_s > 0.0 {
-            format!("{robot} is driven by {holder} for another {remaining_s:.1} s")
+            format!("{robot} is driven by {who} for another {remaining_s:.1} s")
         } else {
             format!(
-                "{robot} still moves for {holder}, whose lease has run out: acquire the lease to \
+                "{robot} still moves for {who}, whose lease has run out: acquire the lease to \
                  command it"
             )
         };
         let remaining_ms = (remaining_s * 1e3).round();
         Denial::new(DenialCode::LeaseRequired, message)
             .with("holder", holder)
+            .with("role", role_name(role))
             .with("remaining_ms", remaining_ms)
     }
 
@@ -278,6 +325,7 @@ impl Vocabulary {
                 "see what the robot ran into, or what loads it"
             }
             FaultCode::HomingFailed => "see why the controller found no reference",
+            FaultCode::StopIgnored => "stop the motion at the controller, and see why it went on",
             FaultCode::LoopError => "report the defect; restart the agent if it stays",
         };
         let command = match clear_by(code) {
@@ -321,6 +369,11 @@ impl Vocabulary {
                 unit = self.unit(joint),
             ),
             FaultCode::HomingFailed => "the controller failed to home".to_owned(),
+            FaultCode::StopIgnored => format!(
+                "the controller goes on with its own motion {:.1} s after it was asked to end it, \
+                 limit {:.1} s: its drives are switched off",
+                fault.value, fault.limit
+            ),
         };
         Fault {
             code: fault.code,
@@ -385,6 +438,16 @@ pub(super) fn operational_name(mode: OperationalMode) -> String {
 /// A fault's kind as it is written on the wire.
 pub(super) fn fault_name(code: FaultCode) -> String {
     wire_name(serde_json::to_value(code))
+}
+
+/// A role as it is written on the wire.
+pub(super) fn role_name(role: Role) -> String {
+    wire_name(serde_json::to_value(role))
+}
+
+/// A scope as it is written on the wire.
+pub(super) fn scope_name(scope: LeaseScope) -> String {
+    wire_name(serde_json::to_value(scope))
 }
 
 fn wire_name(value: serde_json::Result<Value>) -> String {

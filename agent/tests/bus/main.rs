@@ -5,9 +5,12 @@
 
 mod common;
 mod jogging;
+mod latch;
 mod lease;
 mod moves;
 mod queueing;
+mod reduced;
 mod running;
 mod several_robots;
+mod stop_sources;
 mod streaming;

@@ -11,7 +11,7 @@ use armada_protocol::method::robot::{
 use uuid::Uuid;
 
 /// Turns the first joint from `from` to `to` in `duration_s`.
-fn turn(from: f64, to: f64, duration_s: f64) -> JointTrajectory {
+pub(crate) fn turn(from: f64, to: f64, duration_s: f64) -> JointTrajectory {
     let names = [
         "shoulder_pan_joint",
         "shoulder_lift_joint",

@@ -183,7 +183,8 @@ async fn a_stop_latches_with_its_ladder_until_every_stop_is_listed_in_the_reset(
     let refused = denial(client.call::<Reset>(robot, incomplete).await);
     assert_eq!(refused.code, DenialCode::InvalidArgument);
     let before = bench.status_when(|s| s.stop.is_some()).await;
-    let listed = ResetParams { stop_ids: vec![request.stop_id], ..Default::default() };
+    let listed = before.stop.expect("seen").reset_params();
+    assert_eq!(listed.stop_ids, [request.stop_id]);
     let answer = client.call::<Reset>(robot, listed).await.expect("reset");
     assert_eq!(answer.cleared, [request.stop_id]);
     let after = bench.status_when(|s| s.stop.is_none()).await;

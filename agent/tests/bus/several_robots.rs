@@ -27,8 +27,14 @@ struct Pair {
 
 impl Pair {
     async fn start() -> Self {
+        Self::start_with("").await
+    }
+
+    /// With more lines in the first robot file.
+    async fn start_with(more: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let files = ["left_arm", "right_arm"].map(|name| common::robot_file(folder.path(), name));
+        append(&files[0], more);
         let endpoint = free_endpoint();
         let emulations = files.each_ref().map(|file| Some(emulate(file)));
         let agent = Agent::start(options(&files, &endpoint)).await.expect("agent starts");
@@ -84,6 +90,7 @@ fn options(files: &[PathBuf], endpoint: &str) -> AgentOptions {
         connect: Some(Vec::new()),
         namespace: None,
         insecure_lan: false,
+        state_dir: None,
     }
 }
 
@@ -123,6 +130,33 @@ async fn a_stop_of_the_cell_stops_every_robot_of_an_agent() {
     for name in &pair.names {
         pair.status_when(name, |status| status.stop.is_some()).await;
     }
+    pair.agent.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn invariant_01_the_own_arm_is_stopped_before_the_cell_is_told() {
+    let pair = Pair::start_with("\nstop: {estop_stops_cell: true}\n").await;
+    let [left, right] = &pair.names;
+    let acks = pair.client.subscribe::<StopAck>("robots/*/stop/ack", 1000).await.expect("acks");
+    common::inject(pair.emulations[0].as_ref().expect("it runs"), "estop");
+    let stopped = pair.status_when(right, |status| status.stop.is_some()).await;
+    let cell = stopped.stop.expect("waited for").stops.remove(0);
+    assert_eq!((cell.source.as_str(), cell.level), ("left_arm", StopLevel::L1));
+    let two = |s: &RobotStatus| s.stop.as_ref().is_some_and(|stop| stop.stops.len() == 2);
+    let latch = pair.status_when(left, two).await.stop.expect("waited for");
+    let [own, told] = latch.stops.try_into().expect("its own, and the one for the cell");
+    assert_eq!((own.source.as_str(), told.stop_id), ("controller", cell.stop_id));
+    assert!(cell.reason.contains(&own.stop_id.to_string()), "{cell:?} names its cause");
+    let mut first = BTreeMap::new();
+    while let Ok(Some((_, ack))) = acks.try_next() {
+        if ack.stage == StopStage::Received {
+            first.entry((ack.robot, ack.stop_id)).or_insert(ack.stamp_ns);
+        }
+    }
+    // One process, so one clock.
+    let at = |robot: &RobotName, stop: &LatchedStop| first[&(robot.clone(), stop.stop_id)];
+    assert!(at(left, &own) < at(right, &told), "{first:?}");
+    assert!(at(left, &own) < at(left, &told), "{first:?}");
     pair.agent.shut_down().await;
 }
 
@@ -239,4 +273,43 @@ fn threads() -> Vec<String> {
     let tasks = std::fs::read_dir("/proc/self/task").expect("there is a /proc");
     let names = tasks.filter_map(Result::ok).map(|task| task.path().join("comm"));
     names.filter_map(|name| std::fs::read_to_string(name).ok()).collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_group_has_the_leases_of_all_its_robots_or_none() {
+    let pair = Pair::start().await;
+    let ttl = std::time::Duration::from_secs(60);
+    let [left, right] = &pair.names;
+    let held = |s: &RobotStatus| s.authority == AuthorityState::Held;
+    let free = |s: &RobotStatus| s.authority == AuthorityState::Free;
+    let other = Client::on_session(pair.client.session().clone(), "other");
+    let single = other.acquire_lease(right, ttl).await.expect("free");
+    let refused = pair.client.acquire_group(&pair.names, ttl).await.expect_err("one is held");
+    assert_eq!((&refused.robot, refused.holder.as_deref()), (right, Some("other")), "{refused}");
+    pair.status_when(left, free).await;
+    single.release().await.expect("given back");
+    let group = pair.client.acquire_group(&pair.names, ttl).await.expect("both are free");
+    for robot in &pair.names {
+        let lease = pair.status_when(robot, held).await.lease.expect("held");
+        assert!(lease.remaining_ms > 30_000, "for the whole time: {lease:?}");
+    }
+    let mode = SetModeParams { mode: CommandMode::Jog };
+    let under = pair.client.under(group.leases()[left]);
+    under.call::<SetMode>(left, mode).await.expect("the holder may");
+    assert!(group.release().await.is_empty(), "nobody refuses");
+    for robot in &pair.names {
+        pair.status_when(robot, free).await;
+    }
+    // Three renewals while it lasts: the loss of one shows while the other is kept.
+    let ttl = std::time::Duration::from_millis(900);
+    let group = pair.client.acquire_group(&pair.names, ttl).await.expect("both are free");
+    let taken = other.take_lease(right, ttl, Role::Operator, "test").await.expect("a person takes");
+    let lost = tokio::time::timeout(DEADLINE, group.lost()).await.expect("told");
+    assert_eq!((lost, group.lost_robots()), (vec![right.clone()], vec![right.clone()]));
+    let lease = pair.status_when(left, held).await.lease.expect("kept");
+    assert_eq!(lease.holder, "test");
+    drop(group);
+    pair.status_when(left, free).await;
+    assert!(!taken.is_lost(), "what is another's is not given back");
+    pair.agent.shut_down().await;
 }

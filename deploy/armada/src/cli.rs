@@ -6,7 +6,7 @@ use tracing::Level;
 use crate::bench;
 use crate::commands::{
     call, completions, control, events, home, info, jog, kinematics, lease, model, modes, moves,
-    payload, process, replay, reset, run, status, stop, tool, up, values, watch,
+    payload, process, replay, reset, run, status, stop, stop_button, tool, up, values, watch,
 };
 use crate::exit;
 use crate::logging::LogFormat;
@@ -93,6 +93,9 @@ pub(crate) enum Command {
     /// Stop robots and keep them stopped until a reset, gateway alive or not
     #[command(long_about = stop::LONG_ABOUT)]
     Stop(stop::StopArgs),
+    /// Be a stop button for robots whose files name it: silence is a press
+    #[command(long_about = stop_button::LONG_ABOUT)]
+    StopButton(stop_button::StopButtonArgs),
     /// Clear latched stops; nothing moves and nothing is enabled by it
     Reset(reset::ResetArgs),
     /// Change the command mode of a robot

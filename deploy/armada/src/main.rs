@@ -25,6 +25,7 @@ mod run_file;
 mod signals;
 mod standstill;
 mod started;
+mod state_dir;
 mod table;
 mod words;
 

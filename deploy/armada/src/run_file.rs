@@ -100,8 +100,13 @@ fn read(path: &Path) -> Option<RunFile> {
 
 /// The name of a cell as a file name that cannot leave its directory.
 fn file_name(cell: &str) -> String {
+    format!("{}.json", safe_name(cell))
+}
+
+/// The name of a cell as one part of a path.
+pub(crate) fn safe_name(cell: &str) -> String {
     let safe = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-    format!("{}.json", cell.chars().map(safe).collect::<String>())
+    cell.chars().map(safe).collect()
 }
 
 fn is_alive(pid: u32) -> bool {

@@ -13,7 +13,8 @@ use std::time::Duration;
 
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientOptions};
-use armada_protocol::messages::RobotFlags;
+use armada_protocol::messages::{RobotFlags, RobotStatus};
+use armada_protocol::method::robot::Reset;
 use rustix::process::{Pid, Signal, kill_process};
 
 const DEADLINE: Duration = Duration::from_secs(30);
@@ -99,7 +100,10 @@ async fn one_process_serves_two_robots_and_ramps_both_down_on_a_signal() {
     let _emulators = files.map(|file| Process::start(&["emulator", "sim", file]));
     let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("bound");
     let endpoint = format!("tcp/{port}");
-    let agent = Process::start(&["agent", files[0], files[1], "--listen", &endpoint]);
+    let state = folder.path().join("state");
+    let state = state.to_str().expect("text");
+    let agent = ["agent", files[0], files[1], "--listen", &endpoint, "--state-dir", state];
+    let agent = Process::start(&agent);
     let client = connect(&endpoint).await;
     for name in ["left_arm", "right_arm"] {
         let name: RobotName = name.parse().expect("a name");
@@ -137,4 +141,47 @@ async fn a_robot_file_given_twice_is_refused_before_anything_runs() {
     assert_eq!(output.status.code(), Some(1));
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(errors.contains("is given twice"), "{errors}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_agent_that_is_killed_is_followed_by_one_that_is_stopped_until_a_reset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = robot_file(folder.path(), "left_arm");
+    let (file, state) = (file.to_str().expect("text"), folder.path().join("state"));
+    let _emulator = Process::start(&["emulator", "sim", file]);
+    let robot: RobotName = "left_arm".parse().expect("a name");
+    let start = async || {
+        let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("bound");
+        let endpoint = format!("tcp/{port}");
+        let state = state.to_str().expect("text");
+        let agent = ["agent", file, "--listen", &endpoint, "--state-dir", state];
+        (Process::start(&agent), connect(&endpoint).await)
+    };
+    let status_when = async |client: &Client, what: &str, fits: fn(&RobotStatus) -> bool| {
+        let seen = async {
+            loop {
+                let status = client.robot_status(&robot).await;
+                if let Some(status) = status.ok().filter(fits) {
+                    return status;
+                }
+                tokio::task::yield_now().await;
+            }
+        };
+        within(what, seen).await
+    };
+    let (agent, client) = start().await;
+    status_when(&client, "drives on", |s| s.flags.contains(RobotFlags::ENABLED)).await;
+    drop(agent);
+    let (agent, client) = start().await;
+    let status = status_when(&client, "a stop from the start", |s| s.stop.is_some()).await;
+    let latch = status.stop.expect("waited for");
+    let sources: Vec<_> = latch.stops.iter().map(|stop| stop.source.as_str()).collect();
+    assert_eq!(sources, ["agent_lost"]);
+    client.call::<Reset>(&robot, latch.reset_params()).await.expect("reset");
+    status_when(&client, "nothing latched", |s| s.stop.is_none()).await;
+    let (code, log) = agent.end().await;
+    assert_eq!(code, Some(0), "{log}");
+    let (_agent, client) = start().await;
+    let fresh = status_when(&client, "drives on", |s| s.flags.contains(RobotFlags::ENABLED)).await;
+    assert!(fresh.stop.is_none(), "an end in order leaves nothing behind: {fresh:?}");
 }

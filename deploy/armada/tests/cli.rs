@@ -53,6 +53,7 @@ fn help_lists_every_command_and_the_exit_codes() {
         "record",
         "halt",
         "stop",
+        "stop-button",
         "reset",
         "mode",
         "enable",
@@ -73,9 +74,11 @@ fn help_lists_every_command_and_the_exit_codes() {
 
 #[test]
 fn the_help_of_stop_says_that_it_is_no_safety_function() {
-    let help = text(&armada(&["stop", "--help"]).stdout);
-    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(help.contains("NEVER A RATED SAFETY FUNCTION"), "{help}");
+    for command in ["stop", "stop-button"] {
+        let help = text(&armada(&[command, "--help"]).stdout);
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(help.contains("NEVER A RATED SAFETY FUNCTION"), "{help}");
+    }
 }
 
 #[test]
@@ -99,6 +102,7 @@ fn wrong_arguments_are_told_on_standard_error_with_code_2() {
         (&["run", "sweep.json", "--queue", "append"], "--robot"),
         (&["payload", "attach", "left_arm", "box"], "--mass"),
         (&["halt", "--lease", "mine"], "mine"),
+        (&["stop-button", "--name", "door_1"], "--stdin-level"),
         (&["fly"], "fly"),
     ] {
         let output = armada(arguments);

@@ -3,9 +3,9 @@
 use armada_model::{JointTrajectory, MonoTime};
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    Accepted, CellMotionStatus, CellResetAnswer, CellStatus, ClockSample, CommandMode,
-    CommitParams, Denial, Event, ModeAnswer, MotionStatus, PrepareParams, Prepared, ResetAnswer,
-    ResetParams, RobotInfo, RobotState, RobotStatus, StopAck, StopReport, StopRequest,
+    Accepted, CellMotionStatus, CellResetAnswer, CellResetParams, CellStatus, ClockSample,
+    CommandMode, CommitParams, Denial, Event, ModeAnswer, MotionStatus, PrepareParams, Prepared,
+    ResetAnswer, ResetParams, RobotInfo, RobotState, RobotStatus, StopAck, StopReport, StopRequest,
 };
 use std::time::Duration;
 use uuid::Uuid;
@@ -96,10 +96,7 @@ pub enum CellRequest {
     /// Stop robots.
     Stop(StopRequest),
     /// Clear latched stops.
-    Reset {
-        /// Which robots; all if empty.
-        robots: Vec<RobotName>,
-    },
+    Reset(CellResetParams),
 }
 
 /// What the coordinator asks an agent.

@@ -39,11 +39,11 @@ impl Coordinator {
     ) {
         match request {
             CellRequest::Stop(request) => self.stop(ticket, request, now),
-            CellRequest::Reset { robots } => {
+            CellRequest::Reset(params) => {
                 let number = self.next_reset;
                 self.next_reset += 1;
                 let (records, outbox) = (&self.robots, &mut self.outbox);
-                let reset = ResetOperation::begin(number, ticket, client, robots, records, outbox);
+                let reset = ResetOperation::begin(number, ticket, client, params, records, outbox);
                 self.resets.insert(number, reset);
             }
             CellRequest::ExecuteTrajectory { motion_id: id, trajectory } => {

@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use armada_model::MonoTime;
 use armada_protocol::RobotName;
-use armada_protocol::messages::{CellResetAnswer, Denial, DenialCode, EventKind, Severity};
+use armada_protocol::messages::{
+    CellResetAnswer, CellResetParams, Denial, DenialCode, EventKind, Severity,
+};
 use serde_json::Map;
 
 use super::io::{AgentAnswer, AgentCall, CellAnswer, Ticket};
@@ -29,23 +31,25 @@ pub(super) struct ResetOperation {
 }
 
 impl ResetOperation {
-    /// Begins with every robot in `wanted`, or all of `robots` if that is empty.
+    /// Begins with every robot that is named, or all of `robots` if none is; those with a signed
+    /// reset are given it as it is.
     pub(super) fn begin(
         number: u64,
         ticket: Ticket,
         client: String,
-        wanted: Vec<RobotName>,
+        params: CellResetParams,
         robots: &BTreeMap<RobotName, RobotRecord>,
         outbox: &mut Outbox,
     ) -> Self {
         let answer = CellResetAnswer { reset: Vec::new(), refused: Vec::new() };
         let waiting = BTreeSet::new();
         let mut reset = Self { number, client, ticket: Some(ticket), waiting, answer };
-        let wanted: BTreeSet<_> = if wanted.is_empty() {
-            robots.keys().cloned().collect()
-        } else {
-            wanted.into_iter().collect()
-        };
+        let CellResetParams { robots: wanted, mut signed } = params;
+        let mut wanted: BTreeSet<_> = wanted.into_iter().collect();
+        if wanted.is_empty() {
+            wanted.extend(robots.keys().cloned());
+        }
+        wanted.extend(signed.keys().cloned());
         for robot in wanted {
             match robots.get(&robot) {
                 None => {
@@ -58,7 +62,14 @@ impl ResetOperation {
                     reset.answer.refused.push((robot, denial));
                 }
                 Some(_) => {
-                    reset.ask(&robot, AgentCall::Status, STATUS_TIMEOUT, outbox);
+                    // A signature is for its list of stops, so nothing is looked up for it.
+                    match signed.remove(&robot) {
+                        Some(params) => {
+                            let call = AgentCall::Reset(Box::new(params));
+                            reset.ask(&robot, call, RESET_TIMEOUT, outbox);
+                        }
+                        None => reset.ask(&robot, AgentCall::Status, STATUS_TIMEOUT, outbox),
+                    }
                     reset.waiting.insert(robot);
                 }
             }

@@ -113,6 +113,7 @@ impl StopOperation {
 
     pub(super) fn on_time(&mut self, now: MonoTime, outbox: &mut Outbox) {
         if now >= self.begun + DEADLINE {
+            self.stop_harder(outbox);
             return self.finish(now, outbox);
         }
         if now >= self.next_repeat {
@@ -124,6 +125,17 @@ impl StopOperation {
             let fast = now.saturating_since(self.begun) < FAST_PHASE;
             self.next_repeat = now + if fast { REPEAT } else { SLOW_REPEAT };
         }
+    }
+
+    /// Asks once more, one level harder, robots that are not known to stand.
+    fn stop_harder(&self, outbox: &mut Outbox) {
+        let missing = self.report().missing;
+        let Some(level) = self.request.level.harder().filter(|_| !missing.is_empty()) else {
+            return;
+        };
+        let (scope, seq) = (StopScope::Robots(missing), self.request.seq + 1);
+        let request = StopRequest { level, scope, seq, ..self.request.clone() };
+        outbox.push(Action::PublishStop(request));
     }
 
     fn ask_silent(&mut self, outbox: &mut Outbox) {

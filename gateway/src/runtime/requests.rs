@@ -68,10 +68,7 @@ impl Handler for CellRequests {
             }
             cell::Reset::NAME => {
                 call.run::<cell::Reset, _, _>(async |request| {
-                    let ask = |params: armada_protocol::messages::CellResetParams| {
-                        CellRequest::Reset { robots: params.robots }
-                    };
-                    reset(self.submit(request, ask).await?)
+                    reset(self.submit(request, CellRequest::Reset).await?)
                 })
                 .await
             }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from enum import Enum
 from functools import lru_cache
+from math import isfinite
 from typing import Any, TypeVar, cast
 
 import msgspec
@@ -50,7 +51,8 @@ def encode(message: Any, encoding: WireEncoding = WireEncoding.JSON) -> bytes:
 def decode(message_type: type[T], payload: bytes, label: str = WireEncoding.JSON.value) -> T:
     """The message in `payload`, which Zenoh labels `label`.
 
-    Raises `CodecError` if it is too large, in an unknown encoding, or not such a message.
+    Raises `CodecError` if it is too large, in an unknown encoding, not such a message, or if a
+    number in it is not finite.
     """
     if len(payload) > MAX_MESSAGE_BYTES:
         raise CodecError(
@@ -58,11 +60,29 @@ def decode(message_type: type[T], payload: bytes, label: str = WireEncoding.JSON
         )
     decoder = _decoder(cast("Hashable", message_type), WireEncoding.from_label(label))
     try:
+        if isinstance(decoder, msgspec.msgpack.Decoder):
+            _require_finite(msgspec.msgpack.decode(payload), "")
         message: T = decoder.decode(payload)
     except (msgspec.MsgspecError, ValueError) as cause:
         name = getattr(message_type, "__name__", str(message_type))
         raise CodecError(f"payload is not a valid {name}: {cause}") from cause
     return message
+
+
+def _require_finite(value: Any, path: str) -> None:
+    """Raises `ValueError` naming the field of a number that is infinite or not a number.
+
+    JSON has no words for such numbers, MessagePack has, and no field means anything by them.
+    """
+    if isinstance(value, float):
+        if not isfinite(value):
+            raise ValueError(f"{path} is {value}, expected a finite number")
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            _require_finite(inner, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list) and not all(type(x) is float and isfinite(x) for x in value):
+        for index, inner in enumerate(value):
+            _require_finite(inner, f"{path}[{index}]")
 
 
 @lru_cache(maxsize=256)

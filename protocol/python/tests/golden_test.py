@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
-from armada import codec, messages, methods
+from armada import CodecError, codec, messages, methods
 from armada.codec import WireEncoding
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
@@ -65,3 +68,26 @@ def test_fields_of_newer_senders_are_passed_over(path: Path) -> None:
     sample = json.loads(path.read_text())
     message = codec.decode(type_of(path.stem), json.dumps(sample | {"added_later": 1}).encode())
     assert json.loads(codec.encode(message)) == sample
+
+
+def spoilt(value: Any, bad: float, path: str = "") -> Iterator[tuple[str, Any]]:
+    """The value with each of its numbers in turn replaced, and where that was."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            for where, other in spoilt(inner, bad, f"{path}.{key}" if path else key):
+                yield where, value | {key: other}
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            for where, other in spoilt(inner, bad, f"{path}[{index}]"):
+                yield where, [*value[:index], other, *value[index + 1 :]]
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield path, bad
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
+@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
+def test_no_number_of_any_message_may_be_infinite_or_none(path: Path, bad: float) -> None:
+    for where, sample in spoilt(json.loads(path.read_text()), bad):
+        payload = msgspec.msgpack.encode(sample)
+        with pytest.raises(CodecError, match=re.escape(f"{where} is {bad}")):
+            codec.decode(type_of(path.stem), payload, WireEncoding.MESSAGE_PACK.value)

@@ -1,4 +1,6 @@
-//! Holding the right to command a robot.
+//! Holding the right to command a robot, or several.
+
+mod group;
 
 use std::time::Duration;
 
@@ -7,16 +9,27 @@ use tokio::task::JoinHandle;
 use tokio::time::Instant;
 use uuid::Uuid;
 
-use super::{Client, ClientError, now};
+pub use group::{GroupLeaseError, GroupLeaseKeeper};
+
+use super::{Client, ClientError, Subscription, now};
 use crate::RobotName;
-use crate::messages::{AcquireLeaseParams, LeaseGrant, LeaseParams, RenewLeaseParams};
-use crate::method::robot::{AcquireLease, ReleaseLease, RenewLease};
+use crate::keys;
+use crate::messages::{
+    AcquireLeaseParams, DelegateLeaseParams, Event, EventKind, LeaseGrant, LeaseParams, LeaseScope,
+    RenewLeaseParams, Role, TakeLeaseParams,
+};
+use crate::method::robot::{AcquireLease, DelegateLease, ReleaseLease, RenewLease, TakeLease};
 
 /// A lease is renewed so many times while it lasts.
 const RENEWALS: u32 = 3;
+/// Events of a robot that may wait for the task that keeps its lease.
+const EVENTS: usize = 16;
 
-/// Holds a robot's lease: renews it in the background at a third of the time it lasts, tells when
-/// it is lost, and gives it back when it is released or dropped.
+/// Holds a robot's lease or sub-lease: renews it in the background at a third of the time it lasts,
+/// tells when it is lost, and gives it back when it is released or dropped.
+///
+/// It listens to what the robot tells of leases, so a lease that somebody took is known to be lost
+/// after one more round trip, not with the next renewal.
 ///
 /// A lease that is lost stays lost; nothing moves again before somebody acquires another one and
 /// asks for a motion. If the program dies, the lease runs out by itself.
@@ -47,12 +60,64 @@ impl Client {
         robot: &RobotName,
         ttl: Duration,
     ) -> Result<LeaseKeeper, ClientError> {
-        let ttl_ms = u64::try_from(ttl.as_millis()).unwrap_or(u64::MAX);
+        let params = AcquireLeaseParams { ttl_ms: millis(ttl), role: Role::Program };
         // It lasts from its grant on, which is later than this.
         let asked = now();
-        let grant = self
-            .call::<AcquireLease>(robot, AcquireLeaseParams { ttl_ms, ..Default::default() })
-            .await?;
+        let grant = self.call::<AcquireLease>(robot, params).await?;
+        Ok(self.keep(robot, grant, asked).await)
+    }
+
+    /// Takes the lease of a robot from whoever has it, and keeps it: what moves comes to rest, and
+    /// the other is told by whom and why. `role` is operator or supervisor and not below the
+    /// holder's; `reason` has 1 to 200 characters.
+    ///
+    /// # Errors
+    /// As [`Self::call`]; [`ClientError::Denied`] if the role is too low, the pendant has control, or
+    /// a stop is latched.
+    pub async fn take_lease(
+        &self,
+        robot: &RobotName,
+        ttl: Duration,
+        role: Role,
+        reason: impl Into<String>,
+    ) -> Result<LeaseKeeper, ClientError> {
+        let params = TakeLeaseParams { ttl_ms: millis(ttl), role, reason: reason.into() };
+        let asked = now();
+        let grant = self.call::<TakeLease>(robot, params).await?;
+        Ok(self.keep(robot, grant, asked).await)
+    }
+
+    /// Lets the client named `to` command a robot as well, while `lease` is in force: the grant is
+    /// for it, to be kept with [`Self::keep_lease`] before it has run out.
+    ///
+    /// # Errors
+    /// As [`Self::call`]; [`ClientError::Denied`] if `lease` is not in force, is a sub-lease itself,
+    /// or has eight already.
+    pub async fn delegate_lease(
+        &self,
+        robot: &RobotName,
+        lease: Uuid,
+        (to, scope, ttl): (&str, LeaseScope, Duration),
+    ) -> Result<LeaseGrant, ClientError> {
+        let params = DelegateLeaseParams { lease, to: to.to_owned(), scope, ttl_ms: millis(ttl) };
+        self.call::<DelegateLease>(robot, params).await
+    }
+
+    /// Renews a lease that was granted to somebody else for this client, and keeps it.
+    ///
+    /// # Errors
+    /// As [`Self::call`]; [`ClientError::Denied`] if it is not in force any more.
+    pub async fn keep_lease(
+        &self,
+        robot: &RobotName,
+        lease: Uuid,
+    ) -> Result<LeaseKeeper, ClientError> {
+        let asked = now();
+        let grant = self.call::<RenewLease>(robot, renewal(lease)).await?;
+        Ok(self.keep(robot, grant, asked).await)
+    }
+
+    async fn keep(&self, robot: &RobotName, grant: LeaseGrant, asked: Instant) -> LeaseKeeper {
         let (told, state) = watch::channel(KeptLease { epoch: grant.epoch, lost: false });
         let (end, ended) = oneshot::channel();
         let keeping = Keeping {
@@ -61,9 +126,10 @@ impl Client {
             lease: grant.lease,
             ttl: Duration::from_millis(grant.ttl_ms),
             told,
+            news: News::of(self, robot).await,
         };
         let task = start(keeping.run(asked, ended));
-        Ok(LeaseKeeper { grant, state, end, task })
+        LeaseKeeper { grant, state, end, task }
     }
 }
 
@@ -111,6 +177,7 @@ struct Keeping {
     lease: Uuid,
     ttl: Duration,
     told: watch::Sender<KeptLease>,
+    news: News,
 }
 
 impl Keeping {
@@ -124,9 +191,11 @@ impl Keeping {
         let mut until = asked + self.ttl;
         let mut next = asked + pause;
         loop {
-            let due = tokio::time::timeout_at(next, &mut ended).await.is_err();
-            if !due {
-                return self.give_back().await;
+            tokio::select! {
+                biased;
+                _ = &mut ended => return self.give_back().await,
+                () = tokio::time::sleep_until(next) => {}
+                () = self.news.next() => {}
             }
             let asked = now();
             match self.renew(pause).await {
@@ -143,8 +212,7 @@ impl Keeping {
     }
 
     async fn renew(&self, patience: Duration) -> Result<LeaseGrant, ClientError> {
-        let params = RenewLeaseParams { lease: self.lease, ttl_ms: None };
-        self.client.call_within::<RenewLease>(&self.robot, params, patience).await
+        self.client.call_within::<RenewLease>(&self.robot, renewal(self.lease), patience).await
     }
 
     async fn give_back(self) -> Result<(), ClientError> {
@@ -157,6 +225,38 @@ impl Keeping {
         self.told.send_modify(|state| state.lost = true);
         Ok(())
     }
+}
+
+/// What a robot tells of leases.
+#[derive(Debug)]
+struct News(Option<Subscription<Event>>);
+
+impl News {
+    /// Listens to a robot; if that fails, a lost lease is seen when it is to be renewed.
+    async fn of(client: &Client, robot: &RobotName) -> Self {
+        Self(client.subscribe(&keys::ROBOT_EVENTS.of(robot), EVENTS).await.ok())
+    }
+
+    /// Waits until something has become of a lease.
+    async fn next(&self) {
+        let Some(events) = &self.0 else { return std::future::pending().await };
+        loop {
+            match events.next().await {
+                Ok((_, event)) if event.kind == EventKind::Lease => return,
+                Ok(_) | Err(ClientError::Codec(_)) => {}
+                // The session is closed: nothing comes any more.
+                Err(_) => std::future::pending().await,
+            }
+        }
+    }
+}
+
+const fn renewal(lease: Uuid) -> RenewLeaseParams {
+    RenewLeaseParams { lease, ttl_ms: None }
+}
+
+fn millis(ttl: Duration) -> u64 {
+    u64::try_from(ttl.as_millis()).unwrap_or(u64::MAX)
 }
 
 #[expect(clippy::disallowed_methods, reason = "the asking end is runtime code")]

@@ -3,6 +3,7 @@
 mod error;
 mod lease;
 mod stop;
+mod stop_source;
 mod stream;
 mod subscription;
 
@@ -17,8 +18,9 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 pub use error::ClientError;
-pub use lease::LeaseKeeper;
+pub use lease::{GroupLeaseError, GroupLeaseKeeper, LeaseKeeper};
 pub use stop::StopOptions;
+pub use stop_source::AnsweredStopSource;
 pub use stream::Stream;
 pub use subscription::Subscription;
 

@@ -66,7 +66,9 @@ impl Client {
             }
         }
         drain(&acks, &mut ladder);
-        Ok(ladder.report())
+        let report = ladder.report();
+        self.stop_harder(request, &report).await?;
+        Ok(report)
     }
 
     /// Asks the agent of one robot to stop; returns the first stage it reports.
@@ -85,6 +87,20 @@ impl Client {
             Ok(reply) => decode_ack(&reply),
             Err(_) => Err(ClientError::NoReply { key }),
         }
+    }
+
+    /// Asks once more, one level harder, those that are not known to stand: whoever got the stop and
+    /// does not come to rest raises it himself, and this may reach who has not got it.
+    async fn stop_harder(
+        &self,
+        request: StopRequest,
+        report: &StopReport,
+    ) -> Result<(), ClientError> {
+        let Some(level) = request.level.harder().filter(|_| !report.missing.is_empty()) else {
+            return Ok(());
+        };
+        let scope = StopScope::Robots(report.missing.clone());
+        self.publish_stop(&StopRequest { level, scope, seq: request.seq + 1, ..request }).await
     }
 
     async fn publish_stop(&self, request: &StopRequest) -> Result<(), ClientError> {

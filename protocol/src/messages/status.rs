@@ -246,6 +246,8 @@ pub enum FaultCode {
     VelocityError,
     /// The controller failed to home.
     HomingFailed,
+    /// The controller went on with a motion of its own that it was asked to end.
+    StopIgnored,
     /// The control loop itself failed.
     LoopError,
 }

@@ -17,6 +17,18 @@ pub enum StopLevel {
     L0,
 }
 
+impl StopLevel {
+    /// The next harder level; none above L0.
+    #[must_use]
+    pub const fn harder(self) -> Option<Self> {
+        match self {
+            Self::L2 => Some(Self::L1),
+            Self::L1 => Some(Self::L0),
+            Self::L0 => None,
+        }
+    }
+}
+
 /// Which robots a stop is for.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -5,19 +5,7 @@ use std::process::Command;
 use anyhow::{Context, Result};
 use armada_tests::{Cell, CellOptions, armada};
 
-/// Runs a command that has to succeed; returns what it printed.
-fn done(cell: &Cell, arguments: &[&str]) -> Result<String> {
-    let (printed, code) = cell.run(arguments)?;
-    assert_eq!(code, 0, "{arguments:?}: {printed}");
-    Ok(printed)
-}
-
-/// Runs a command that has to fail; returns what it printed.
-fn refused(cell: &Cell, arguments: &[&str]) -> Result<String> {
-    let (printed, code) = cell.run(arguments)?;
-    assert_ne!(code, 0, "{arguments:?}: {printed}");
-    Ok(printed)
-}
+use crate::support::{done, refused};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_arm_is_jogged_sent_home_and_moved_to_a_pose_in_its_own_axes() -> Result<()> {

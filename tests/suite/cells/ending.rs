@@ -11,7 +11,7 @@ async fn assert_all_gone(pids: &[u32]) -> Result<()> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn ctrl_c_in_the_middle_of_the_demo_leaves_no_process_behind() -> Result<()> {
-    let mut cell = Cell::start(CellOptions { demo: true }).await?;
+    let mut cell = Cell::start(CellOptions { demo: true, ..CellOptions::default() }).await?;
     let client = cell.client().await?;
     let moving = |status: &armada_protocol::messages::CellStatus| !status.motions.is_empty();
     let waited = cell.status_when(&client, "the demo moves", DEADLINE, moving).await;

@@ -35,7 +35,8 @@ async fn an_agent_that_dies_is_reported_and_its_partner_stops() -> Result<()> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn arms_stop_on_command_when_the_gateway_is_dead() -> Result<()> {
+async fn invariant_09_arms_stop_on_command_when_the_gateway_which_is_the_router_is_dead()
+-> Result<()> {
     let cell = Cell::start(CellOptions::default()).await?;
     let client = cell.client().await?;
     let motion = execute(&client, both_arms(2.0, 6.0)).await?.motion_id;

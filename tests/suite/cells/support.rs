@@ -1,16 +1,39 @@
-//! Motions of the default cell.
+//! Commands to the default cell, and motions of it.
 
 use std::f64::consts::FRAC_PI_2;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use armada_model::{JointTrajectory, Waypoint};
+use armada_protocol::RobotName;
 use armada_protocol::client::Client;
 use armada_protocol::messages::{
-    Accepted, CellExecuteTrajectory, CellMotionStatus, StopLevel, StopRequest, StopScope,
+    Accepted, CellExecuteTrajectory, CellMotionStatus, MotionStatus, StopLevel, StopRequest,
+    StopScope,
 };
 use armada_protocol::method::cell::ExecuteTrajectory;
-use armada_tests::{DEADLINE, wait_for};
+use armada_tests::{Cell, DEADLINE, wait_for};
 use uuid::Uuid;
+
+/// Runs a command that has to succeed; returns what it printed.
+pub(crate) fn done(cell: &Cell, arguments: &[&str]) -> Result<String> {
+    let (printed, code) = cell.run(arguments)?;
+    assert_eq!(code, 0, "{arguments:?}: {printed}");
+    Ok(printed)
+}
+
+/// Runs a command that has to fail; returns what it printed.
+pub(crate) fn refused(cell: &Cell, arguments: &[&str]) -> Result<String> {
+    let (printed, code) = cell.run(arguments)?;
+    assert_ne!(code, 0, "{arguments:?}: {printed}");
+    Ok(printed)
+}
+
+/// Runs a command that has to succeed with `--json`; returns what it printed.
+pub(crate) fn json(cell: &Cell, arguments: &[&str]) -> Result<serde_json::Value> {
+    let printed = done(cell, &[arguments, &["--json"]].concat())?;
+    let mut values = serde_json::Deserializer::from_str(&printed).into_iter();
+    values.next().context("no JSON")?.with_context(|| printed.clone())
+}
 
 const ARM: [(&str, f64); 6] = [
     ("shoulder_pan_joint", 0.0),
@@ -20,6 +43,20 @@ const ARM: [(&str, f64); 6] = [
     ("wrist_2_joint", -FRAC_PI_2),
     ("wrist_3_joint", 0.0),
 ];
+
+/// Turns the first joint of the left arm from `from` to `to`, the others as at the start.
+pub(crate) fn left_arm(from: f64, to: f64, duration_s: f64) -> JointTrajectory {
+    let waypoint = |time_from_start_s, first| {
+        let mut joint_position: Vec<f64> = ARM.iter().map(|(_, at)| *at).collect();
+        joint_position[0] = first;
+        Waypoint { time_from_start_s, joint_position, ..Waypoint::default() }
+    };
+    JointTrajectory {
+        joint_names: ARM.iter().map(|(joint, _)| (*joint).to_owned()).collect(),
+        waypoints: vec![waypoint(0.0, from), waypoint(duration_s, to)],
+        ..JointTrajectory::default()
+    }
+}
 
 /// Turns the first joint of both arms from where they start, by `angle_rad` in `duration_s`.
 pub(crate) fn both_arms(angle_rad: f64, duration_s: f64) -> JointTrajectory {
@@ -55,6 +92,17 @@ pub(crate) async fn motion_when(
     condition: impl Fn(&CellMotionStatus) -> bool,
 ) -> Result<CellMotionStatus> {
     let look = async || client.cell_motion(id).await.ok().filter(|motion| condition(motion));
+    wait_for("the motion is as expected", DEADLINE, look).await
+}
+
+/// The status of one robot's motion as soon as it satisfies `condition`.
+pub(crate) async fn part_when(
+    client: &Client,
+    robot: &RobotName,
+    id: Uuid,
+    condition: impl Fn(&MotionStatus) -> bool,
+) -> Result<MotionStatus> {
+    let look = async || client.motion(robot, id).await.ok().filter(|motion| condition(motion));
     wait_for("the motion is as expected", DEADLINE, look).await
 }
 

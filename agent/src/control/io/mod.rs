@@ -16,21 +16,23 @@ pub use order::{
     JogOrder, LoopRequest, Order,
 };
 pub use output::{
-    DroppedSamples, Granted, LeaseChange, LeaseReport, LoopEvent, LoopFault, MotionReport, Output,
-    Retired, Snapshot, StreamChange, StreamReport,
+    DelegateReport, DroppedSamples, Granted, LeaseChange, LeaseReport, LoopEvent, LoopFault,
+    MotionReport, Output, Retired, Snapshot, StreamChange, StreamReport,
 };
-pub use params::{LoopAbilities, Params, REDUCED_SHARE};
+pub use params::{LoopAbilities, MAX_STOP_TIME, Params, REDUCED_SHARE, default_stop_time};
 pub use refusal::Refusal;
 
 /// Most requests one tick takes; the rest wait for the next.
 pub const MAX_REQUESTS: usize = 8;
 /// Most events one tick reports: three of each request, four answers to older ones, and what
-/// faults (8), stops (5) and motions (5, and one for each that waits), lease, stream and key
-/// switch can say in one tick, with a reserve.
-pub const MAX_EVENTS: usize = 96;
+/// faults (8), stops (6) and motions (5, and one for each that waits), lease, sub-leases (8),
+/// stream, key switch and pendant can say in one tick, with a reserve.
+pub const MAX_EVENTS: usize = 104;
+/// Most sub-leases of a lease.
+pub const MAX_DELEGATES: usize = 8;
 /// Most samples of streams one tick takes; the rest wait for the next.
 pub const MAX_SAMPLES: usize = 8;
-/// Most trajectories that wait for the end of another.
+/// Most motions that wait for the end of another.
 pub const MAX_QUEUED: usize = 16;
 /// Most things one tick gives back: one of each request, what was followed, and what waited.
 pub const MAX_RETIRED: usize = MAX_REQUESTS + MAX_QUEUED + 2;

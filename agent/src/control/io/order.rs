@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{CompiledTrajectory, JointVector, MAX_JOINTS, MonoTime};
-use armada_protocol::messages::{CommandMode, HomeMethod, LeaseLoss, MotionKind, Queue};
+use armada_protocol::messages::{
+    CommandMode, HomeMethod, LeaseLoss, LeaseScope, MotionKind, Queue, Role,
+};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
@@ -49,10 +51,37 @@ pub enum Order {
         lease: Uuid,
         /// How long it lasts without being renewed.
         ttl: Duration,
+        /// As what its holder commands.
+        role: Role,
     },
-    /// Keep the lease for another while.
-    RenewLease(Uuid),
-    /// Give the lease back.
+    /// Give the right to command to this lease, whoever holds it in a role that is not higher.
+    TakeLease {
+        /// The new lease.
+        lease: Uuid,
+        /// How long it lasts without being renewed.
+        ttl: Duration,
+        /// As what its holder commands: operator or supervisor.
+        role: Role,
+    },
+    /// Let a sub-lease command as well, while the lease of whoever asks is in force.
+    DelegateLease {
+        /// The lease in force.
+        parent: Uuid,
+        /// The new sub-lease.
+        lease: Uuid,
+        /// What it gives the right to.
+        scope: LeaseScope,
+        /// How long it lasts without being renewed.
+        ttl: Duration,
+    },
+    /// Keep the lease or a sub-lease for another while.
+    RenewLease {
+        /// Which.
+        lease: Uuid,
+        /// How long it lasts from now on; as before if `None`.
+        ttl: Option<Duration>,
+    },
+    /// Give the lease or a sub-lease back.
     ReleaseLease(Uuid),
     /// Home joints.
     Home(HomeOrder),

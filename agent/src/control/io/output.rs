@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use armada_model::{CompiledTrajectory, JointVector, MonoTime};
 use armada_protocol::messages::{
-    ActionStatus, CommandMode, ControllerState, Executor, FaultCode, MotionKind, MotionProgress,
-    OperationalMode, RobotFlags, StopStage,
+    ActionStatus, AuthorityState, CommandMode, ControllerState, Executor, FaultCode, LeaseScope,
+    MotionKind, MotionProgress, OperationalMode, RobotFlags, Role, StopLevel, StopStage,
 };
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use super::{MAX_EVENTS, MAX_RETIRED, Refusal};
+use super::{MAX_DELEGATES, MAX_EVENTS, MAX_RETIRED, Refusal};
 use crate::control::equipment::Equipment;
 use crate::drivers::{
     DriverRequest, MAX_PARAMETERS, MAX_REPORTED_TIPS, MAX_SIGNAL_VALUES, ReportedTip, SetPoint,
@@ -75,8 +75,12 @@ pub struct Snapshot {
     pub limited_setpoints: u64,
     /// Speed of all motions, 0.01 to 1.
     pub speed_ratio: f64,
+    /// Where the right to command is.
+    pub authority: AuthorityState,
     /// The lease, if there is one.
     pub lease: Option<LeaseReport>,
+    /// Its sub-leases, in the order in which they were granted; `None` after the last.
+    pub delegates: [Option<DelegateReport>; MAX_DELEGATES],
     /// The stream in progress.
     pub stream: Option<StreamReport>,
     /// Samples of streams dropped so far.
@@ -89,6 +93,10 @@ pub struct Snapshot {
     pub parameters: Values<MAX_PARAMETERS>,
     /// Poses that the controller reports itself.
     pub tips: [Option<ReportedTip>; MAX_REPORTED_TIPS],
+    /// Whether the controller's emergency stop is pressed; `None` while it is not heard.
+    pub emergency_stop: Option<bool>,
+    /// When somebody at the arm acknowledged last.
+    pub acknowledged: Option<MonoTime>,
 }
 
 /// The lease in force.
@@ -96,9 +104,24 @@ pub struct Snapshot {
 pub struct LeaseReport {
     /// Which.
     pub lease: Uuid,
+    /// As what its holder commands.
+    pub role: Role,
     /// When it runs out, or did.
     pub deadline: MonoTime,
     /// Whether it has run out.
+    pub stale: bool,
+}
+
+/// A sub-lease.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DelegateReport {
+    /// Which.
+    pub lease: Uuid,
+    /// What it gives the right to, while the lease itself is in force.
+    pub scope: LeaseScope,
+    /// When it runs out, or did.
+    pub deadline: MonoTime,
+    /// Whether it has run out: then only the motion under it goes on, because it may.
     pub stale: bool,
 }
 
@@ -159,10 +182,22 @@ pub enum LoopEvent {
     FaultsCleared,
     /// A stop reached a stage (never `Received`, which the gate reports).
     StopStage(StopStage),
+    /// Standstill was not measured in time, so the stop goes on at this higher level.
+    StopRaised(StopLevel),
+    /// The controller's emergency stop was pressed, and the gate is closed for it; said by the loop's
+    /// thread, which closes the gate, not by a step.
+    EmergencyStop {
+        /// Names the state of the gate.
+        closing: u64,
+        /// Whether the level rose by it.
+        raised: bool,
+    },
     /// The stop was reset.
     StopCleared,
-    /// The lease was granted, given back, or ran out.
+    /// The lease was granted, taken, delegated, given back, or ran out.
     Lease(LeaseChange),
+    /// The pendant has control now, or has given it back.
+    LocalControl(bool),
     /// The key switch was turned.
     OperationalMode {
         /// Mode before.
@@ -177,11 +212,21 @@ pub enum LoopEvent {
 /// What became of the lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LeaseChange {
-    /// It was granted to this lease.
+    /// It was granted to this lease; one that had run out is gone with all its sub-leases.
     Granted(Uuid),
-    /// It was given back, or taken away by a stop.
+    /// It was granted to `lease` and taken away from another, with all its sub-leases.
+    Taken {
+        /// The lease in force now.
+        lease: Uuid,
+        /// The one before.
+        from: Uuid,
+    },
+    /// This sub-lease was granted.
+    Delegated(Uuid),
+    /// This lease or sub-lease was given back; a lease also by a stop, the pendant, or somebody who
+    /// commanded without one after it had run out. Its sub-leases are gone with it.
     Released(Uuid),
-    /// It ran out; its holder may still renew it.
+    /// This lease or sub-lease ran out; the holder of a lease may still renew it.
     Expired(Uuid),
     /// It was renewed after it had run out.
     Recovered(Uuid),

@@ -29,7 +29,8 @@ pub struct Params {
     pub standstill_velocity: JointVector,
     /// How long it must be below.
     pub standstill_hold: Duration,
-    /// How long the controller has to do what it is asked: switch drives, clear errors.
+    /// How long the controller has to do what it is asked: switch drives, clear errors, take or
+    /// end a move of its own.
     pub request_timeout: Duration,
     /// How long the controller may search the references of one group of joints.
     pub homing_timeout: Duration,
@@ -56,6 +57,11 @@ pub struct Params {
     pub stream_timeout: Duration,
     /// Highest age of the state that a sample of a stream was made for.
     pub stream_max_age: Duration,
+    /// How long a stop may take to measured standstill before its level is raised.
+    pub stop_time: Duration,
+    /// Which number of the feedback's signals shows that somebody at the arm acknowledges, if one
+    /// does.
+    pub acknowledge: Option<usize>,
 }
 
 impl Params {
@@ -73,6 +79,7 @@ impl Params {
             velocity: REDUCED_SHARE * joint.velocity,
             acceleration: joint.acceleration.unwrap_or_default(),
         });
+        let stop_time = default_stop_time(&limits);
         Ok(Self {
             start_tolerance: each(0.02)?,
             tracking_tolerance: each(0.1)?,
@@ -95,9 +102,23 @@ impl Params {
             parameters: Vec::new(),
             stream_timeout: Duration::from_millis(40),
             stream_max_age: Duration::from_millis(100),
+            stop_time,
+            acknowledge: None,
         })
     }
 }
+
+/// How long a stop may take if nobody says so: twice the ramp from full speed of the joint that takes
+/// longest, and a second for the robot's lag and the proof that it stands.
+#[must_use]
+pub fn default_stop_time(limits: &[JointLimits]) -> Duration {
+    let ramp = |joint: &JointLimits| joint.velocity / joint.acceleration.unwrap_or(joint.velocity);
+    let longest_s = limits.iter().map(ramp).filter(|time| time.is_finite()).fold(0.0, f64::max);
+    Duration::try_from_secs_f64(2.0 * longest_s + 1.0).unwrap_or(MAX_STOP_TIME).min(MAX_STOP_TIME)
+}
+
+/// Longest time that a stop may take.
+pub const MAX_STOP_TIME: Duration = Duration::from_secs(60);
 
 /// Speed at reduced speed over the joint's limit, if nothing else is said.
 pub const REDUCED_SHARE: f64 = 0.25;

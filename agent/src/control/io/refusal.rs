@@ -1,6 +1,8 @@
 //! Why the loop refuses something.
 
-use armada_protocol::messages::{CommandMode, FaultCode, OperationalMode, StopLevel};
+use armada_protocol::messages::{
+    CommandMode, FaultCode, LeaseScope, OperationalMode, Role, StopLevel,
+};
 use serde::{Deserialize, Deserializer, Serialize};
 use uuid::Uuid;
 
@@ -99,8 +101,29 @@ pub enum Refusal {
     LeaseStale,
     /// The lease ran out on the way.
     LeaseLost,
-    /// Somebody acquired the lease on the way.
+    /// Somebody acquired or took the lease on the way.
     LeaseTaken,
+    /// The pendant has control, or took it on the way.
+    LocalControl,
+    /// The lease cannot be taken in this role.
+    RoleTooLow {
+        /// Lowest role that could.
+        needed: Role,
+    },
+    /// The sub-lease gives no right to this.
+    ScopeTooNarrow {
+        /// What it gives the right to.
+        scope: LeaseScope,
+        /// What the order needs.
+        needed: LeaseScope,
+    },
+    /// A sub-lease cannot be delegated again.
+    DelegatedAlready,
+    /// No more sub-leases can be granted.
+    TooManyDelegates {
+        /// How many there are.
+        limit: usize,
+    },
     /// The key switch stands where it forbids this.
     OperationalMode(OperationalMode),
     /// The key switch was turned on the way.

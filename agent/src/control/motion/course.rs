@@ -16,7 +16,7 @@ use armada_model::{
 };
 use armada_protocol::messages::ReducedLimits;
 
-use super::queue::Waiting;
+use super::waiting::Waiting;
 
 /// One trajectory and the way into it.
 #[derive(Clone, Debug, Serialize, Deserialize)]

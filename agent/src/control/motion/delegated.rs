@@ -1,6 +1,7 @@
 //! Moves that the controller plans and makes itself.
 //!
 //! ```text
+//! queued --the one before ended, standstill measured--> asked
 //! asked --report: taken--> running --report: done, standstill measured--> complete
 //!   |                         |  ^
 //!   |                   pause v  | resume
@@ -9,6 +10,14 @@
 //!   +-- cancel --> StopMotion --report: stopped, standstill measured--> cancelled
 //!   +-- epoch raised --> cancelled or failed at once; StopMotion until the report says so
 //! ```
+//!
+//! A move may wait behind any other motion of mode `trajectory`, and others behind it. It is handed
+//! over when the robot has been seen to stand, since the controller begins where the robot is.
+//! What is appended to a move to a pose must be a move too: where the joints will then be only the
+//! controller knows, and a trajectory has to begin there.
+//!
+//! `paused` is said when it is asked for, as of the loop's own motions; the rate is 0 when the
+//! controller reports the rest. A controller that does not stop is in `own`.
 //!
 //! No set-points are sent meanwhile, as while the controller homes: their stream begins anew at
 //! the measured position when the controller has shown that it is done. So tracking is not
@@ -20,6 +29,7 @@ use armada_model::{JointVector, MonoTime};
 use armada_protocol::messages::{CommandMode, MotionKind, Queue};
 use serde::{Deserialize, Serialize};
 
+use super::waiting::{Queued, WaitingMove};
 use super::{End, Motion, Source};
 use crate::control::io::{DelegateOrder, Refusal};
 use crate::control::state::{LoopState, Tick};
@@ -32,13 +42,29 @@ use crate::drivers::{
 pub(in crate::control) struct DelegatedMotion {
     kind: MotionKind,
     order: DelegatedMove,
-    began: MonoTime,
+    /// When the controller was first to have it; none while it waits for the robot to stand.
+    began: Option<MonoTime>,
     /// Whether it is to be at rest on its path.
     pub(super) wants_pause: bool,
     newest: Option<DelegatedReport>,
 }
 
 impl DelegatedMotion {
+    /// One that waits for the robot to stand.
+    pub(super) const fn new(kind: MotionKind, order: DelegatedMove) -> Self {
+        Self { kind, order, began: None, wants_pause: false, newest: None }
+    }
+
+    /// Whether the controller has it, or is being asked to take it.
+    pub(super) const fn is_handed_over(&self) -> bool {
+        self.began.is_some()
+    }
+
+    /// Where the joints are at its end, if that is known.
+    pub(super) fn end(&self) -> Option<JointVector> {
+        end_of(&self.order)
+    }
+
     pub(super) const fn kind(&self) -> MotionKind {
         self.kind
     }
@@ -48,23 +74,33 @@ impl DelegatedMotion {
         self.newest.map_or(0.0, |report| report.progress.clamp(0.0, 1.0))
     }
 
-    pub(super) fn is_paused(&self) -> bool {
-        self.status() == Some(DelegatedStatus::Paused)
+    pub(super) const fn is_paused(&self) -> bool {
+        self.wants_pause
+    }
+
+    /// How fast it goes on, as far as the controller says: 0 before and while it rests.
+    pub(super) fn rate(&self) -> f64 {
+        match self.status() {
+            None | Some(DelegatedStatus::Waiting | DelegatedStatus::Paused) => 0.0,
+            Some(_) => 1.0,
+        }
     }
 
     /// Whether the controller may move the robot in it now.
     pub(super) fn is_moving(&self) -> bool {
-        matches!(
+        let may_move = matches!(
             self.status(),
             None | Some(
                 DelegatedStatus::Waiting | DelegatedStatus::Running | DelegatedStatus::Paused
             )
-        )
+        );
+        self.is_handed_over() && may_move
     }
 
     /// What the controller is still to be asked for.
     pub(super) fn wants(&self) -> Option<DriverRequest> {
         match (self.status(), self.wants_pause) {
+            _ if !self.is_handed_over() => None,
             (None, _) => Some(DriverRequest::Move(self.order)),
             (Some(DelegatedStatus::Running), true) => Some(DriverRequest::PauseMotion),
             (Some(DelegatedStatus::Paused), false) => Some(DriverRequest::ResumeMotion),
@@ -78,61 +114,61 @@ impl DelegatedMotion {
 }
 
 impl LoopState {
-    /// Hands a move to the controller, if it can make it and the robot stands.
+    /// Hands a move to the controller, if it can make it and the robot stands, or lets it wait.
     pub(in crate::control) fn delegate(
         &mut self,
         tick: &mut Tick<'_>,
         order: &DelegateOrder,
     ) -> Result<(), Refusal> {
         self.check_motion_mode(CommandMode::Trajectory)?;
-        if let Some(motion) = &self.motion {
-            return Err(match order.queue {
-                Queue::Refuse => Refusal::Busy(motion.id),
-                Queue::Append | Queue::AppendBlended | Queue::Replace => {
-                    Refusal::NotSupported("moves of the controller's own that follow others")
-                }
-            });
+        if !matches!(order.queue, Queue::Refuse | Queue::Append) {
+            let what = "moves of the controller's own that blend with others or replace them";
+            return Err(Refusal::NotSupported(what));
         }
         self.check_delegated(tick, order)?;
+        if self.knows(order.id) {
+            return Err(Refusal::Busy(order.id));
+        }
+        if let Some(motion) = &self.motion {
+            let id = motion.id;
+            return match order.queue {
+                Queue::Append if !motion.cancelling => {
+                    self.wait_for_end(tick, Queued::Delegated(WaitingMove::new(order)))
+                }
+                _ => Err(Refusal::Busy(id)),
+            };
+        }
         self.rest()?;
-        self.own_motion.number += 1;
-        self.own_motion.is_move = true;
-        // A controller that cannot be slowed down on the way is slow from the start.
-        let share = if tick.params.abilities.pause { 1.0 } else { self.speed_ratio };
-        let order_speed = order.order.speed * share;
-        let delegated = DelegatedMotion {
-            kind: order.kind,
-            order: DelegatedMove {
-                number: self.own_motion.number,
-                speed: order_speed,
-                ..order.order
-            },
-            began: tick.now,
-            wants_pause: false,
-            newest: None,
-        };
-        self.motion = Some(Motion::new(order.id, Source::Delegated(delegated)));
-        self.break_off(tick);
+        self.motion = Some(WaitingMove::new(order).motion(false));
+        self.hand_over(tick);
         Ok(())
     }
 
-    /// Follows a move of the controller's own by its reports.
+    /// Follows a move of the controller's own by its reports, or hands it over in its time.
     pub(in crate::control) fn follow_delegated(&mut self, tick: &mut Tick<'_>) {
-        let (stopping, standing) = (self.is_stopping_own(), self.has_settled(tick));
+        let (stopping, settled) = (self.is_stopping_own(), self.has_settled(tick));
+        let stands = self.ramp.is_none() && self.standstill.is_shown(tick.params);
         let Some(feedback) = self.condition.feedback().copied() else { return };
         let Some(motion) = self.motion.as_mut() else { return };
         let cancelling = motion.cancelling;
         let Source::Delegated(delegated) = &mut motion.source else { return };
+        let Some(began) = delegated.began else {
+            if stands && !delegated.wants_pause && !cancelling {
+                self.hand_over(tick);
+            }
+            return;
+        };
         delegated.newest = report_of(&feedback, delegated.order.number).or(delegated.newest);
         if cancelling {
-            if !stopping && standing {
+            if !stopping && settled {
                 self.hold = feedback.joint_position;
                 self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
             }
             return;
         }
-        let late = tick.now.saturating_since(delegated.began) > tick.params.request_timeout;
-        match delegated.status() {
+        let late = tick.now.saturating_since(began) > tick.params.request_timeout;
+        let status = delegated.status();
+        match status {
             None if late => self.end_motion(tick, End::Failed(Refusal::ControllerTimeout)),
             None | Some(DelegatedStatus::Waiting) => {}
             Some(DelegatedStatus::Running | DelegatedStatus::Paused) => {
@@ -140,7 +176,7 @@ impl LoopState {
             }
             Some(DelegatedStatus::Done) => {
                 motion.announce_running(tick);
-                if standing {
+                if settled {
                     self.hold = feedback.joint_position;
                     self.end_motion(tick, End::Complete);
                 }
@@ -153,6 +189,21 @@ impl LoopState {
                 self.end_motion(tick, End::Failed(Refusal::ControllerRefused { code }));
             }
         }
+    }
+
+    /// Gives the controller the move in progress, under the next number.
+    fn hand_over(&mut self, tick: &mut Tick<'_>) {
+        // A controller that cannot be slowed down on the way is slow from the start.
+        let share = if tick.params.abilities.pause { 1.0 } else { self.speed_ratio };
+        self.own_motion.number += 1;
+        self.own_motion.is_move = true;
+        let number = self.own_motion.number;
+        if let Some(Motion { source: Source::Delegated(delegated), .. }) = &mut self.motion {
+            let speed = delegated.order.speed * share;
+            delegated.order = DelegatedMove { number, speed, ..delegated.order };
+            delegated.began = Some(tick.now);
+        }
+        self.break_off(tick);
     }
 
     fn check_delegated(&self, tick: &Tick<'_>, order: &DelegateOrder) -> Result<(), Refusal> {
@@ -191,6 +242,14 @@ impl LoopState {
             }
         }
         Ok(())
+    }
+}
+
+/// Where the joints are at the end of a move, if that is known without the controller.
+pub(super) const fn end_of(order: &DelegatedMove) -> Option<JointVector> {
+    match order.goal {
+        DelegatedGoal::Joint(goal) => Some(goal),
+        DelegatedGoal::Pose { .. } | DelegatedGoal::Linear { .. } => None,
     }
 }
 

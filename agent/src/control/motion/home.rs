@@ -15,9 +15,7 @@ use armada_model::{JointVector, MAX_JOINTS, MonoTime, OnlineState};
 use armada_protocol::messages::{FaultCode, HomeMethod};
 use serde::{Deserialize, Serialize};
 
-use super::delegated::is_over;
 use super::{Drive, End, JogMotion, Motion, Next, Source};
-use crate::control::controller::REPEAT;
 use crate::control::faults::fault;
 use crate::control::io::{HomeOrder, Params, Refusal};
 use crate::control::state::{LoopState, Tick};
@@ -61,27 +59,6 @@ enum Step {
     Done,
     /// It ended without success, or took too long: the value [s] and its limit.
     Failed { value: f64, limit: f64 },
-}
-
-/// What the controller is told about motions that it makes itself.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(in crate::control) struct OwnMotion {
-    /// When each was sent last.
-    asked: Option<MonoTime>,
-    stopping: Option<Stopping>,
-    /// Number of the newest move of its own.
-    pub(super) number: u32,
-    /// Whether what is to stop is such a move, after which the robot has to be seen to stand.
-    pub(super) is_move: bool,
-    /// Speed ratio that the controller was told last, if it was.
-    told_ratio: Option<f64>,
-}
-
-/// The controller is to come to rest.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Stopping {
-    first: Option<MonoTime>,
-    last: Option<MonoTime>,
 }
 
 impl HomeMotion {
@@ -146,6 +123,14 @@ impl HomeMotion {
                 }
             }
             (next, _) => next,
+        }
+    }
+
+    /// What the controller is still to be asked for.
+    pub(super) fn wants(&self) -> Option<DriverRequest> {
+        match &self.way {
+            Way::Controller(search) if !search.seen => Some(DriverRequest::Home(self.group())),
+            _ => None,
         }
     }
 
@@ -246,7 +231,7 @@ impl LoopState {
             Ok(()) | Err(Refusal::NotReady) => {}
             Err(refusal) => return Err(refusal),
         }
-        if self.ramp.is_some() || self.own_motion.stopping.is_some() {
+        if self.ramp.is_some() || self.is_stopping_own() {
             return Err(Refusal::StillMoving);
         }
         Ok(())
@@ -261,39 +246,9 @@ impl LoopState {
         }
     }
 
-    /// Whether the controller moves the robot itself, or has not shown that it stopped doing so.
-    pub(in crate::control) fn controller_moves(&self) -> bool {
-        self.own_motion.stopping.is_some()
-            || self.motion.as_ref().is_some_and(Motion::is_controllers)
-    }
-
-    /// Has the controller end a motion of its own.
-    pub(in crate::control) fn stop_own_motion(&mut self) {
-        self.own_motion.stopping.get_or_insert_default();
-    }
-
-    /// Notes when the controller has shown that it stopped.
-    pub(in crate::control) fn settle_own_motion(&mut self, tick: &Tick<'_>) {
-        let Some(first) = self.own_motion.stopping.and_then(|stopping| stopping.first) else {
-            return;
-        };
-        // A report of before the request arrived says nothing.
-        let shown = |f: &Feedback| f.stamp >= first + REPEAT && f.homing.is_empty() && is_over(f);
-        let stands = !self.own_motion.is_move || self.standstill.is_shown(tick.params);
-        if stands && self.condition.feedback().is_some_and(shown) {
-            let number = self.own_motion.number;
-            self.own_motion = OwnMotion { number, ..OwnMotion::default() };
-        }
-    }
-
-    /// Whether the controller is to stop a motion of its own and has not shown that it did.
-    pub(super) const fn is_stopping_own(&self) -> bool {
-        self.own_motion.stopping.is_some()
-    }
-
     /// Follows a search of the controller: its end, and what it is to be asked for next.
     pub(in crate::control) fn follow_homing(&mut self, tick: &mut Tick<'_>) {
-        let (stopping, standing) = (self.own_motion.stopping.is_some(), self.has_settled(tick));
+        let (stopping, standing) = (self.is_stopping_own(), self.has_settled(tick));
         let Some(feedback) = self.condition.feedback().copied() else { return };
         let Some(motion) = self.motion.as_mut() else { return };
         let Source::Home(home) = &mut motion.source else { return };
@@ -316,75 +271,6 @@ impl LoopState {
                 let fault = fault(FaultCode::HomingFailed, tick.now, value);
                 self.latch(tick, crate::control::io::LoopFault { limit, ..fault });
             }
-        }
-    }
-
-    /// What the controller is to be asked for about motions of its own; nothing else leaves in
-    /// the same tick.
-    pub(in crate::control) fn own_motion_request(
-        &mut self,
-        tick: &Tick<'_>,
-    ) -> Option<DriverRequest> {
-        let now = tick.now;
-        let due =
-            |last: Option<MonoTime>| last.is_none_or(|last| now.saturating_since(last) >= REPEAT);
-        if self.condition.feedback().is_none() {
-            // It may come back as another run, that was told nothing.
-            self.own_motion.told_ratio = None;
-            return None;
-        }
-        if let Some(stopping) = self.own_motion.stopping.as_mut() {
-            if !due(stopping.last) {
-                return None;
-            }
-            stopping.first.get_or_insert(now);
-            stopping.last = Some(now);
-            return Some(DriverRequest::StopMotion);
-        }
-        let is_own = matches!(
-            self.motion,
-            Some(Motion { source: Source::Delegated(_), cancelling: false, .. })
-        );
-        let ratio = self.speed_ratio;
-        if is_own && tick.params.abilities.pause && self.own_motion.told_ratio != Some(ratio) {
-            self.own_motion.told_ratio = Some(ratio);
-            return Some(DriverRequest::SetSpeedRatio(ratio));
-        }
-        let wanted = self.motion.as_ref().and_then(Motion::wants_of_controller);
-        let Some(request) = wanted else {
-            self.own_motion.asked = None;
-            return None;
-        };
-        let tools_first = matches!(request, DriverRequest::Move(_)) && !self.knows_tools();
-        if tools_first || !due(self.own_motion.asked) {
-            return None;
-        }
-        self.own_motion.asked = Some(now);
-        Some(request)
-    }
-}
-
-impl Motion {
-    /// Whether the controller moves the robot in it.
-    pub(in crate::control) const fn is_controllers(&self) -> bool {
-        match &self.source {
-            Source::Home(home) => home.is_controllers(),
-            Source::Delegated(_) => true,
-            Source::Jog(_) | Source::DeadMan(_) | Source::Trajectory(_) | Source::Braked(..) => {
-                false
-            }
-        }
-    }
-
-    /// What the controller is still to be asked for.
-    fn wants_of_controller(&self) -> Option<DriverRequest> {
-        match &self.source {
-            Source::Home(home) if !self.cancelling => match &home.way {
-                Way::Controller(search) if !search.seen => Some(DriverRequest::Home(home.group())),
-                _ => None,
-            },
-            Source::Delegated(delegated) if !self.cancelling => delegated.wants(),
-            _ => None,
         }
     }
 }

@@ -3,10 +3,13 @@
 //! A jog may be given another goal on the way: the old motion ends as cancelled, and the new one
 //! begins in the state of the old one's curve at the last tick, so that position, velocity and
 //! acceleration are continuous. The same happens inside a motion when the speed ratio changes.
+//!
+//! Paused, it comes to rest on its way as a trajectory does; resumed, it goes on from that rest with
+//! a way of its own, which is planned anew. A resume on the way to rest waits for the rest.
 
 use armada_model::{
     JerkLimitedMove, JointMoveError, JointVector, MAX_ONLINE_VALUE, MotionLimits,
-    MotionLimitsError, OnlineError, OnlineOptions, OnlineState, Synchronisation,
+    MotionLimitsError, OnPath, OnlineError, OnlineOptions, OnlineState, Synchronisation,
 };
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +28,9 @@ pub(in crate::control) struct JogMotion {
     ticks: u64,
     /// Time of the plans before it \[s\].
     before_s: f64,
+    paused: bool,
+    /// The plan on its way to a pause, or at it, and the state there.
+    brake: Option<(OnPath, OnlineState)>,
 }
 
 impl JogMotion {
@@ -50,12 +56,16 @@ impl JogMotion {
             limits.with_max_velocity(max_velocity).map_err(speed_refusal)?
         };
         let plan = plan(start, goal, &limits, speed_ratio)?;
-        Ok(Self { plan, goal: *goal, limits, speed_ratio, ticks: 0, before_s: 0.0 })
+        let (ticks, before_s, paused, brake) = (0, 0.0, false, None);
+        Ok(Self { plan, goal: *goal, limits, speed_ratio, ticks, before_s, paused, brake })
     }
 
     /// The state of the curve at the last set-point.
     pub(in crate::control) fn state(&self, period_s: f64) -> OnlineState {
-        self.plan.at(self.time_s(period_s))
+        match &self.brake {
+            Some((_, state)) => *state,
+            None => self.plan.at(self.time_s(period_s)),
+        }
     }
 
     pub(super) fn elapsed_s(&self, period_s: f64) -> f64 {
@@ -66,7 +76,63 @@ impl JogMotion {
         self.before_s + self.plan.duration_s()
     }
 
+    pub(super) const fn is_paused(&self) -> bool {
+        self.paused
+    }
+
+    /// How fast its clock runs.
+    pub(super) fn rate(&self) -> f64 {
+        self.brake.as_ref().map_or(1.0, |(path, _)| path.rate())
+    }
+
+    /// Comes to rest on its way, or goes on; returns whether that is a change.
+    pub(super) const fn set_paused(&mut self, paused: bool) -> bool {
+        let changed = self.paused != paused;
+        self.paused = paused;
+        changed
+    }
+
     pub(super) fn next(&mut self, drive: &Drive<'_>) -> Next {
+        // Before its first set-point it is where another jog was, perhaps in motion.
+        if self.paused && self.brake.is_none() && self.ticks > 0 {
+            self.begin_brake(drive.period_s);
+        }
+        match self.brake_step(drive) {
+            Some(next) => next,
+            None => self.go_on(drive),
+        }
+    }
+
+    fn begin_brake(&mut self, period_s: f64) {
+        let (time_s, state) = (self.time_s(period_s), self.state(period_s));
+        // Never refused: as many joints as there are limits.
+        if let Ok(mut path) = OnPath::join(&self.plan, &self.limits, time_s) {
+            let _ = path.pause();
+            self.brake = Some((path, state));
+        }
+    }
+
+    /// The next state on the way to a pause and at it; none if it goes on.
+    fn brake_step(&mut self, drive: &Drive<'_>) -> Option<Next> {
+        let (path, state) = self.brake.as_mut()?;
+        if !self.paused && path.is_at_rest() {
+            let rest = OnlineState::at_rest(state.position);
+            return match plan(&rest, &self.goal, &self.limits, drive.speed_ratio) {
+                Ok(plan) => {
+                    self.before_s = self.elapsed_s(drive.period_s);
+                    (self.plan, self.speed_ratio, self.ticks) = (plan, drive.speed_ratio, 0);
+                    self.brake = None;
+                    None
+                }
+                Err(refusal) => Some(Next::Failed(refusal)),
+            };
+        }
+        *state = path.tick(&self.plan, drive.period_s).state;
+        let motion = state.motion_state();
+        Some(if path.is_finished() { Next::Last(motion) } else { Next::Moving(motion) })
+    }
+
+    fn go_on(&mut self, drive: &Drive<'_>) -> Next {
         if drive.speed_ratio != self.speed_ratio {
             self.change_speed(drive);
         }
@@ -90,7 +156,10 @@ impl JogMotion {
     }
 
     fn time_s(&self, period_s: f64) -> f64 {
-        self.ticks as f64 * period_s
+        match &self.brake {
+            Some((path, _)) => path.phase_s(),
+            None => self.ticks as f64 * period_s,
+        }
     }
 }
 

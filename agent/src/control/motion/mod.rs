@@ -11,30 +11,36 @@
 //! brought to rest on purpose. When the epoch is raised the motion is over at once, and the ramp is
 //! nobody's any more: a stop or halt must not wait for a report, nor be waited for.
 //!
-//! A trajectory may be paused and resumed, and others may wait behind it; see `queue`. It comes to
-//! rest on its path where it can, however it ends; see `ramp`.
+//! Trajectories, moves of the controller's own and jogs to a position may be paused and resumed; see
+//! `adjust`. Behind the first two others may wait; see `queue`. A trajectory comes to rest on its
+//! path where it can, however it ends; see `ramp`.
 
+mod adjust;
+mod blend;
 mod course;
 mod dead_man;
 mod delegated;
 mod home;
 mod jog;
 mod lead_in;
+mod own;
 mod queue;
 mod ramp;
 mod speed;
 mod stream;
 mod trajectory;
 mod twist;
+mod waiting;
 
 pub(super) use dead_man::{DeadManJog, Wanted};
 pub(super) use delegated::DelegatedMotion;
-pub(super) use home::{HomeMotion, OwnMotion};
+pub(super) use home::HomeMotion;
 pub(super) use jog::JogMotion;
-pub(super) use queue::Waiting;
+pub(super) use own::OwnMotion;
 pub(super) use ramp::Brake;
 pub(super) use speed::SpeedFollower;
 pub(super) use stream::StreamFollower;
+pub(super) use waiting::Queued;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionState};
 use armada_protocol::messages::{
@@ -168,7 +174,12 @@ impl Motion {
     }
 
     const fn is_paused(&self) -> bool {
-        matches!(&self.source, Source::Trajectory(trajectory) if trajectory.is_paused())
+        match &self.source {
+            Source::Trajectory(trajectory) => trajectory.is_paused(),
+            Source::Delegated(delegated) => delegated.is_paused(),
+            Source::Jog(jog) => jog.is_paused(),
+            Source::DeadMan(_) | Source::Home(_) | Source::Braked(..) => false,
+        }
     }
 
     /// How near it wants the robot to its newest set-point, in position and velocity; empty if it
@@ -185,7 +196,9 @@ impl Motion {
     pub(super) fn progress(&self, period_s: f64) -> MotionProgress {
         let (elapsed_s, duration_s, waypoint, rate, paused) = match &self.source {
             Source::Braked(_, progress) => return *progress,
-            Source::Jog(jog) => (jog.elapsed_s(period_s), jog.duration_s(), 0, 1.0, false),
+            Source::Jog(jog) => {
+                (jog.elapsed_s(period_s), jog.duration_s(), 0, jog.rate(), jog.is_paused())
+            }
             Source::DeadMan(jog) => {
                 (jog.elapsed_s(period_s), jog.duration_s(period_s), 0, 1.0, false)
             }
@@ -201,8 +214,7 @@ impl Motion {
             ),
             // Of its time nothing is known: its clock is the share of the way.
             Source::Delegated(delegated) => {
-                let paused = delegated.is_paused();
-                (delegated.progress(), 1.0, 0, if paused { 0.0 } else { 1.0 }, paused)
+                (delegated.progress(), 1.0, 0, delegated.rate(), delegated.is_paused())
             }
         };
         MotionProgress { id: self.id, elapsed_s, duration_s, waypoint, rate, paused, queued: 0 }
@@ -220,7 +232,8 @@ impl Motion {
             Source::DeadMan(jog) => jog.next(drive),
             Source::Home(home) => home.next(drive),
             Source::Trajectory(trajectory) => trajectory.next(tick, held, limits),
-            // With its ramp over it has ended; the controller's own move is looked after elsewhere.
+            // With its ramp over it has ended; the controller's own move is looked after elsewhere,
+            // and waits here for the robot to stand.
             Source::Braked(..) | Source::Delegated(_) => Next::Waiting,
         }
     }
@@ -249,6 +262,9 @@ impl Motion {
     fn announce_running(&mut self, tick: &mut Tick<'_>) {
         if self.started.is_none() {
             self.started = Some(tick.now);
+            if self.is_paused() {
+                return;
+            }
             let report = self.report(ActionStatus::Running, None, tick.period_s());
             tick.event(LoopEvent::Motion(report));
         }
@@ -294,7 +310,7 @@ impl LoopState {
             End::Cancelled(reason) => (ActionStatus::Cancelled, Some(reason)),
             End::Failed(reason) => (ActionStatus::Failed, Some(reason)),
         };
-        if motion.is_controllers() && status != ActionStatus::Complete && !motion.cancelling {
+        if motion.is_handed_over() && status != ActionStatus::Complete && !motion.cancelling {
             self.stop_own_motion();
         }
         let report = motion.report(status, reason, tick.period_s());

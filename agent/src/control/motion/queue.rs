@@ -13,91 +13,31 @@
 //!   it go on.
 //! * **Blends** are planned here, of two bounded pieces: no more than one way (a
 //!   [`JerkLimitedMove`](armada_model::JerkLimitedMove), some 10 µs) in a tick, of at most
-//!   [`SHARES`] ways for each pair. A way may leave the end of the one and the beginning of the
+//!   [`SHARES`](super::blend::SHARES) ways for each pair. A way may leave the end of the one and the beginning of the
 //!   other by the position tolerances that they give there, or by the robot's own. If none of
 //!   the ways does, or all come too late, the robot comes to rest in between, as if appended.
-//! * **A replacement** is planned at once, of at most [`JOINS`] ways. It may cut off the first
-//!   [`LATEST_JOIN_S`] of its trajectory, which may begin anywhere within [`REACH_S`] at full
+//! * **A replacement** is planned at once, of at most [`JOINS`](super::blend::JOINS) ways.
+//!   It may cut off the first [`LATEST_JOIN_S`](super::blend::LATEST_JOIN_S) of its trajectory, which may begin anywhere within [`REACH_S`] at full
 //!   speed of where the robot is. Where no way is legal, or the rate just changes, the robot first
 //!   comes to rest on its old path.
+//! * Moves of the controller's own wait and are waited for in the same queue, always with a rest in
+//!   between; see `delegated`.
 
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use armada_model::{CompiledTrajectory, JointVector, MotionState, OnlineState};
-use armada_protocol::messages::{
-    ActionStatus, CommandMode, Executor, LeaseLoss, MotionKind, MotionProgress, OperationalMode,
-    Queue,
-};
+use armada_model::JointVector;
+use armada_protocol::messages::{ActionStatus, CommandMode, Queue};
 use uuid::Uuid;
 
-use super::course::{Entry, Exit, Leg};
+use super::blend::way_onto;
 use super::trajectory::{Speed, StartPoint, TrajectoryMotion, check_near, check_suits};
+use super::waiting::{Queued, Waiting};
 use super::{End, Motion, Source};
-use crate::control::io::{FollowOrder, LoopEvent, MAX_QUEUED, MotionReport, Refusal, Retired};
+use crate::control::io::{FollowOrder, LoopEvent, MAX_QUEUED, Refusal, Retired};
 use crate::control::state::{LoopState, Tick};
 
-/// How much of the tolerance is used to look for a way from one trajectory into the next.
-const SHARES: [f64; 5] = [0.9, 0.6, 0.35, 0.2, 0.1];
-/// At which clocks a replacement may be joined \[s\], before the latest.
-const JOINS: [f64; 4] = [0.0, 0.15, 0.3, LATEST_JOIN_S];
-/// How much of a replacement may be cut off \[s\].
-const LATEST_JOIN_S: f64 = 0.5;
 /// How far away a replacement may begin: as far as a joint goes at full speed in that time \[s\].
 const REACH_S: f64 = 0.5;
-/// How often the stretch is halved in which a curve enters a tolerance.
-const HALVINGS: u32 = 24;
-
-/// A motion that waits for the end of another.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(in crate::control) struct Waiting {
-    pub(in crate::control) id: Uuid,
-    pub(super) kind: MotionKind,
-    #[serde(with = "crate::control::shared")]
-    pub(super) trajectory: Arc<CompiledTrajectory>,
-    blended: bool,
-    /// The lease it was ordered under.
-    pub(in crate::control) lease: Option<Uuid>,
-    on_lease_loss: LeaseLoss,
-}
-
-impl Waiting {
-    fn new(order: FollowOrder) -> Self {
-        Self {
-            id: order.id,
-            kind: order.kind,
-            trajectory: order.trajectory,
-            blended: order.queue == Queue::AppendBlended,
-            lease: None,
-            on_lease_loss: order.on_lease_loss,
-        }
-    }
-
-    pub(super) fn leg(&self) -> Leg {
-        Leg::new(Arc::clone(&self.trajectory))
-    }
-
-    pub(super) fn report(&self, status: ActionStatus, reason: Option<Refusal>) -> MotionReport {
-        let progress = MotionProgress {
-            id: self.id,
-            elapsed_s: 0.0,
-            duration_s: self.trajectory.duration_s(),
-            waypoint: 0,
-            rate: 0.0,
-            paused: false,
-            queued: 0,
-        };
-        let (id, kind, executor) = (self.id, self.kind, Executor::Agent);
-        MotionReport { id, kind, executor, status, reason, started: None, progress }
-    }
-
-    fn motion(&self, trajectory: TrajectoryMotion) -> Motion {
-        let mut motion = Motion::new(self.id, Source::Trajectory(trajectory));
-        motion.lease = self.lease;
-        motion.queued = true;
-        motion.on_lease_loss(self.on_lease_loss)
-    }
-}
 
 impl LoopState {
     /// Follows a trajectory, or lets it wait.
@@ -161,12 +101,24 @@ impl LoopState {
         running: Uuid,
         order: FollowOrder,
     ) -> Result<(), Refusal> {
-        let end = self.tail().ok_or(Refusal::Busy(running))?;
+        if self.motion.as_ref().is_some_and(|motion| motion.cancelling) {
+            return Err(Refusal::Busy(running));
+        }
+        let what = "trajectories behind a move whose end only the controller knows";
+        let end = self.tail().ok_or(Refusal::NotSupported(what))?;
+        check_near(&order.trajectory.start(), &end, &tick.params.start_tolerance)?;
+        self.wait_for_end(tick, Queued::Trajectory(Waiting::new(order)))
+    }
+
+    /// Puts a motion behind all others.
+    pub(super) fn wait_for_end(
+        &mut self,
+        tick: &mut Tick<'_>,
+        waiting: Queued,
+    ) -> Result<(), Refusal> {
         if self.waiting_count() >= MAX_QUEUED {
             return Err(Refusal::QueueFull { limit: MAX_QUEUED });
         }
-        check_near(&order.trajectory.start(), &end, &tick.params.start_tolerance)?;
-        let waiting = Waiting::new(order);
         tick.event(LoopEvent::Motion(waiting.report(ActionStatus::Queued, None)));
         if self.queue.is_empty()
             && let Some(Motion { source: Source::Trajectory(now), .. }) = &mut self.motion
@@ -217,159 +169,19 @@ impl LoopState {
         Ok(())
     }
 
-    /// Takes a motion off, in progress or waiting.
-    pub(in crate::control) fn cancel(
-        &mut self,
-        tick: &mut Tick<'_>,
-        id: Uuid,
-    ) -> Result<(), Refusal> {
-        if let Some(at) = self.queue.iter().position(|waiting| waiting.id == id) {
-            self.drop_waiting(tick, at, Refusal::Cancelled);
-            return Ok(());
-        }
-        if self.attached() == Some(id) {
-            return match self.detach(tick) {
-                true => self.cancel(tick, id),
-                false => Err(Refusal::StillMoving),
-            };
-        }
-        let motion = self.motion.as_mut().filter(|motion| motion.id == id);
-        let motion = motion.ok_or(Refusal::NoSuchMotion)?;
-        if motion.cancelling {
-            return Ok(());
-        }
-        motion.cancelling = true;
-        if motion.is_controllers() {
-            // Ends when the controller has shown that it stopped.
-            self.stop_own_motion();
-            return Ok(());
-        }
-        self.drop_waiting(tick, 0, Refusal::QueueBroken);
-        self.brake_motion(tick);
-        if self.ramp.is_none() {
-            self.end_motion(tick, End::Cancelled(Refusal::Cancelled));
-        }
-        Ok(())
-    }
-
-    /// Brings the motion in progress to rest on its path, or lets it go on.
-    pub(in crate::control) fn set_paused(
-        &mut self,
-        tick: &mut Tick<'_>,
-        id: Uuid,
-        paused: bool,
-    ) -> Result<(), Refusal> {
-        if self.queue.iter().any(|waiting| waiting.id == id) || self.attached() == Some(id) {
-            return Err(Refusal::NotPausable);
-        }
-        let motion = self.motion.as_mut().filter(|motion| motion.id == id);
-        let motion = motion.ok_or(Refusal::NoSuchMotion)?;
-        if motion.cancelling {
-            return Err(Refusal::StillMoving);
-        }
-        let period_s = tick.period_s();
-        match &mut motion.source {
-            Source::Trajectory(trajectory) if !trajectory.is_common() => {
-                if !trajectory.set_paused(paused, &self.limits, period_s) {
-                    return Ok(());
-                }
-            }
-            Source::Delegated(delegated) if tick.params.abilities.pause => {
-                if delegated.wants_pause == paused {
-                    return Ok(());
-                }
-                // Said to be paused when the controller reports it.
-                delegated.wants_pause = paused;
-                return Ok(());
-            }
-            _ => return Err(Refusal::NotPausable),
-        }
-        let status = match (paused, motion.started) {
-            (true, _) => ActionStatus::Paused,
-            (false, Some(_)) => ActionStatus::Running,
-            (false, None) => ActionStatus::Queued,
-        };
-        let report = motion.report(status, None, period_s);
-        tick.event(LoopEvent::Motion(report));
-        Ok(())
-    }
-
-    /// Changes the speed of all motions.
-    pub(in crate::control) fn set_speed_ratio(
-        &mut self,
-        tick: &Tick<'_>,
-        ratio: f64,
-    ) -> Result<(), Refusal> {
-        if !(0.01..=1.0).contains(&ratio) {
-            return Err(Refusal::NotSupported("speed ratios beyond 0.01 to 1"));
-        }
-        if let Some(Motion { id, source: Source::Trajectory(trajectory), .. }) = &self.motion
-            && trajectory.is_common()
-        {
-            // Its partners would go on at their own speed.
-            return Err(Refusal::Busy(*id));
-        }
-        self.speed_ratio = ratio;
-        if let Some(Motion { source: Source::Trajectory(trajectory), .. }) = &mut self.motion {
-            trajectory.set_ratio(ratio, &self.limits, tick.period_s());
-        }
-        Ok(())
-    }
-
-    /// Looks for a way from the trajectory in progress into the next, of which one is tried.
-    pub(super) fn look_ahead(&mut self, tick: &Tick<'_>) {
-        let period_s = tick.period_s();
-        let speed = self.speed(tick);
-        let Some(next) = self.queue.first().filter(|next| next.blended) else { return };
-        let Some(Motion { source: Source::Trajectory(now), cancelling: false, .. }) =
-            &mut self.motion
-        else {
-            return;
-        };
-        let share = SHARES.get(usize::from(now.attempts)).filter(|_| now.has_begun());
-        let Some(share) = share.filter(|_| now.course.exit.is_none()) else { return };
-        now.attempts += 1;
-        let tolerance = blend_tolerance(now, next, &tick.params.tracking_tolerance);
-        let around = tolerance.map_indexed(|_, value| share * value);
-        let from_s = now.committed_s(period_s) + period_s;
-        let found = blend(now, &next.trajectory, from_s, &around, &tolerance, &self.limits);
-        if let Some((leave_s, entry)) = found {
-            let next = self.queue.remove(0);
-            let exit = Exit { leave_s, next, entry };
-            if let Some(exit) = now.attach(exit, &speed, &self.limits, period_s) {
-                // There is room: it was taken out just now.
-                self.queue.insert(0, exit.next);
-            }
-        }
-    }
-
-    /// Goes over to the next motion, on the way into which the robot is.
-    pub(super) fn go_over(&mut self, tick: &mut Tick<'_>) {
-        let speed = self.speed(tick);
-        let Some(motion) = self.motion.take() else { return };
-        let report = motion.report(ActionStatus::Complete, None, tick.period_s());
-        tick.event(LoopEvent::Motion(report));
-        let Source::Trajectory(trajectory) = motion.source else { return };
-        let Some((next, trajectory, left)) = trajectory.go_over(&speed) else { return };
-        tick.retire(Retired::Trajectory(left.leg.trajectory));
-        let mut motion = next.motion(trajectory);
-        motion.started = Some(tick.now);
-        let status = if motion.is_paused() { ActionStatus::Paused } else { ActionStatus::Running };
-        let report = motion.report(status, None, tick.period_s());
-        tick.event(LoopEvent::Motion(report));
-        self.motion = Some(motion);
-    }
-
     /// Lets the next one begin, after one that is complete.
     pub(super) fn promote(&mut self, tick: &Tick<'_>) {
         if self.queue.is_empty() {
             return;
         }
-        let speed = self.speed(tick);
-        let next = self.queue.remove(0);
-        let trajectory = Arc::clone(&next.trajectory);
-        let motion = TrajectoryMotion::later(trajectory, next.kind, &speed, false, &self.limits);
-        self.motion = Some(next.motion(motion));
+        self.motion = Some(match self.queue.remove(0) {
+            Queued::Trajectory(next) => {
+                let (speed, trajectory) = (self.speed(tick), Arc::clone(&next.trajectory));
+                let limits = &self.limits;
+                next.motion(TrajectoryMotion::later(trajectory, next.kind, &speed, false, limits))
+            }
+            Queued::Delegated(next) => next.motion(true),
+        });
     }
 
     /// Ends what waits from place `from` on; the first of them for `why`.
@@ -383,7 +195,7 @@ impl LoopState {
         while self.queue.len() > from {
             let waiting = self.queue.remove(from);
             tick.event(LoopEvent::Motion(waiting.report(ActionStatus::Cancelled, Some(why))));
-            tick.retire(Retired::Trajectory(waiting.trajectory));
+            waiting.retire(tick);
             why = Refusal::QueueBroken;
         }
     }
@@ -399,8 +211,8 @@ impl LoopState {
 
     /// Notes the lease under which something was ordered that waits.
     pub(in crate::control) fn attribute_waiting(&mut self, id: Uuid, lease: Option<Uuid>) {
-        if let Some(waiting) = self.queue.iter_mut().find(|waiting| waiting.id == id) {
-            waiting.lease = lease;
+        if let Some(waiting) = self.queue.iter_mut().find(|waiting| waiting.id() == id) {
+            waiting.set_lease(lease);
         }
     }
 
@@ -409,25 +221,14 @@ impl LoopState {
         self.queue.len() + usize::from(self.attached().is_some())
     }
 
-    pub(super) fn speed<'a>(&self, tick: &Tick<'a>) -> Speed<'a> {
-        let reduced = self.is_reduced(tick).then_some(tick.params.reduced.as_slice());
-        Speed { ratio: self.speed_ratio, reduced }
-    }
-
-    /// Whether reduced speed is in force.
-    fn is_reduced(&self, tick: &Tick<'_>) -> bool {
-        let mode = self.operational_mode(tick.params);
-        matches!(mode, OperationalMode::ManualReducedSpeed | OperationalMode::Undefined)
-    }
-
-    fn knows(&self, id: Uuid) -> bool {
+    pub(super) fn knows(&self, id: Uuid) -> bool {
         self.motion.as_ref().is_some_and(|motion| motion.id == id)
             || self.attached() == Some(id)
-            || self.queue.iter().any(|waiting| waiting.id == id)
+            || self.queue.iter().any(|waiting| waiting.id() == id)
     }
 
     /// The motion into which the way of the one in progress leads.
-    fn attached(&self) -> Option<Uuid> {
+    pub(super) fn attached(&self) -> Option<Uuid> {
         match &self.motion.as_ref()?.source {
             Source::Trajectory(trajectory) => Some(trajectory.course.exit.as_ref()?.next.id),
             _ => None,
@@ -435,21 +236,21 @@ impl LoopState {
     }
 
     /// Lets the motion in progress end at its own end, and the next one wait for that.
-    fn detach(&mut self, tick: &Tick<'_>) -> bool {
+    pub(super) fn detach(&mut self, tick: &Tick<'_>) -> bool {
         let speed = self.speed(tick);
         let Some(Motion { source: Source::Trajectory(trajectory), .. }) = &mut self.motion else {
             return false;
         };
         let Some(next) = trajectory.detach(&speed, tick.period_s()) else { return false };
         // There is room: it came from there.
-        self.queue.insert(0, next);
+        self.queue.insert(0, Queued::Trajectory(next));
         true
     }
 
     /// Where what is appended must begin; none if that is not known.
     fn tail(&self) -> Option<JointVector> {
         if let Some(last) = self.queue.last() {
-            return Some(last.trajectory.end());
+            return last.end();
         }
         match &self.motion.as_ref()?.source {
             Source::Trajectory(now) => {
@@ -457,6 +258,7 @@ impl LoopState {
                 let last = course.exit.as_ref().map(|exit| &exit.next.trajectory);
                 Some(last.unwrap_or(&course.leg.trajectory).end())
             }
+            Source::Delegated(now) => now.end(),
             _ => None,
         }
     }
@@ -486,93 +288,4 @@ pub(super) enum Remains {
     Braked,
     /// Nothing: something else moves the robot.
     GivenBack,
-}
-
-/// The quickest way from `state` onto `trajectory`, cutting off its beginning as far as it may.
-fn way_onto(
-    state: &OnlineState,
-    trajectory: &CompiledTrajectory,
-    limits: &armada_model::MotionLimits,
-) -> Option<Entry> {
-    let longest_s = 0.5 * trajectory.duration_s();
-    let ways = JOINS.into_iter().filter(|&join_s| join_s <= longest_s).filter_map(|join_s| {
-        let entry = Entry::plan(state, trajectory, join_s, limits)?;
-        Some((entry.duration_s() - join_s, entry))
-    });
-    ways.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, entry)| entry)
-}
-
-/// How far the way may leave the end of the one and the beginning of the other.
-fn blend_tolerance(now: &TrajectoryMotion, next: &Waiting, own: &JointVector) -> JointVector {
-    let trajectory = &now.course.leg.trajectory;
-    let last = trajectory.waypoint_count() - 1;
-    let rows = [
-        trajectory.tolerance(last.saturating_sub(1)).position,
-        trajectory.tolerance(last).position,
-        next.trajectory.tolerance(0).position,
-    ];
-    own.map_indexed(|joint, limit| {
-        let asked = rows.iter().filter_map(|row| row.get(joint).copied());
-        asked.fold(limit, f64::min)
-    })
-}
-
-/// Where to leave the trajectory in progress, not before `from_s`, and the way from there into the
-/// next; none if it would be further than `tolerance` from the end or not be quicker than a rest.
-fn blend(
-    now: &mut TrajectoryMotion,
-    next: &CompiledTrajectory,
-    from_s: f64,
-    around: &JointVector,
-    tolerance: &JointVector,
-    limits: &armada_model::MotionLimits,
-) -> Option<(f64, Entry)> {
-    let trajectory = &now.course.leg.trajectory;
-    let corner = trajectory.end();
-    let duration_s = trajectory.duration_s();
-    let earliest_s = 0.5 * duration_s;
-    let leave_clock_s = crossing(trajectory, &corner, around, duration_s, earliest_s)?;
-    let join_s = crossing(next, &corner, around, 0.0, 0.5 * next.duration_s())?;
-    let leave_s = now.course.leg.phase_s(leave_clock_s);
-    if leave_s <= from_s || now.course.leg.is_entry(leave_s) {
-        return None;
-    }
-    let state = now.course.state(leave_s, &mut 0);
-    let entry = Entry::plan(&state, next, join_s, limits)?;
-    let quicker = entry.duration_s() < duration_s - leave_clock_s + join_s;
-    (quicker && entry.stays_near(&corner, tolerance)).then_some((leave_s, entry))
-}
-
-/// A clock between `inside_s`, where the curve is near `corner`, and `outside_s` up to which it is
-/// so; none if it is not at all.
-fn crossing(
-    trajectory: &CompiledTrajectory,
-    corner: &JointVector,
-    around: &JointVector,
-    inside_s: f64,
-    outside_s: f64,
-) -> Option<f64> {
-    let is_near = |clock_s: f64| {
-        let MotionState { position, .. } = at(trajectory, clock_s);
-        let joints = position.iter().zip(corner.iter()).zip(around.iter());
-        joints.into_iter().all(|((x, corner), limit)| (x - corner).abs() <= *limit)
-    };
-    if !is_near(inside_s) {
-        return None;
-    }
-    let (mut inside_s, mut outside_s) = (inside_s, outside_s);
-    for _ in 0..HALVINGS {
-        let middle_s = 0.5 * (inside_s + outside_s);
-        if is_near(middle_s) {
-            inside_s = middle_s;
-        } else {
-            outside_s = middle_s;
-        }
-    }
-    Some(inside_s)
-}
-
-fn at(trajectory: &CompiledTrajectory, clock_s: f64) -> MotionState {
-    let sample = trajectory.sample(clock_s, &mut 0);
-    MotionState { position: sample.position, velocity: sample.velocity }
 }

@@ -27,26 +27,21 @@
 //! The last set-point is the last waypoint, bit for bit; then the motion is complete, and the
 //! position is held.
 
-use serde::{Deserialize, Serialize};
-use std::sync::Arc;
-use std::time::Duration;
+mod changeover;
+mod opening;
 
-use armada_model::{
-    CompiledTrajectory, JointVector, MonoTime, MotionLimits, MotionState, OnPath, OnlineState,
-};
+use serde::{Deserialize, Serialize};
+
+use armada_model::{JointVector, MonoTime, MotionLimits, MotionState, OnPath};
 use armada_protocol::messages::{MotionKind, ReducedLimits};
 
+use self::opening::Opening;
+pub(super) use self::opening::{StartPoint, check_near, check_suits};
 use super::Next;
-use super::course::{Course, Entry, Exit, Leg};
-use super::lead_in::{LeadIn, whole_ticks};
-use super::queue::Waiting;
-use crate::control::io::{FollowOrder, Params, Refusal};
+use super::course::{Course, Leg};
+use super::lead_in::whole_ticks;
+use crate::control::io::Refusal;
 use crate::control::state::Tick;
-
-/// Speed of the way to the first waypoint, as a share of each joint's limit.
-const LEAD_IN_SPEED: f64 = 0.1;
-/// The same where the way may be long, since the trajectory took the place of another.
-const REPLACING_SPEED: f64 = 0.5;
 
 /// A trajectory being followed, or waiting for its start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -67,16 +62,6 @@ pub(in crate::control) struct TrajectoryMotion {
     pub(super) attempts: u8,
 }
 
-/// The way to the first waypoint.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
-enum Opening {
-    /// To be planned when the robot is at rest, at this share of the speed limits.
-    Unplanned(f64),
-    /// None if there is no distance.
-    Planned(Option<LeadIn>),
-}
-
 /// How the phase goes on.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[expect(clippy::large_enum_variant, reason = "the loop allocates nothing")]
@@ -87,15 +72,6 @@ enum Pace {
     Ticks(u64),
     /// At a rate that changes.
     Path(OnPath),
-}
-
-/// Where a trajectory is begun.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::control) struct StartPoint<'a> {
-    /// The set-point held.
-    pub(in crate::control) held: &'a MotionState,
-    /// Measured positions.
-    pub(in crate::control) measured: &'a JointVector,
 }
 
 /// How fast trajectories may be.
@@ -119,44 +95,6 @@ impl Speed<'_> {
 }
 
 impl TrajectoryMotion {
-    /// Makes ready to follow, if the robot is where the trajectory begins and in time.
-    pub(super) fn plan(
-        order: &FollowOrder,
-        from: &StartPoint<'_>,
-        speed: &Speed<'_>,
-        limits: &MotionLimits,
-        tick: &Tick<'_>,
-    ) -> Result<Self, Refusal> {
-        let first = order.trajectory.start();
-        let tolerance = &tick.params.start_tolerance;
-        check_near(&first, from.measured, tolerance)?;
-        check_near(&first, &from.held.position, tolerance)?;
-        let period = tick.params.period;
-        let share = speed.lead_in(LEAD_IN_SPEED, limits);
-        let lead_in = LeadIn::plan(&from.held.position, &first, share, limits, period)?;
-        if let Some(start) = order.start {
-            let earliest = tick.now + lead_in.as_ref().map_or(Duration::ZERO, |l| l.lead(period));
-            check_in_time(start, earliest, period)
-                .map_err(|late_s| Refusal::StartMissed { late_s })?;
-        }
-        let leg = Leg::new(Arc::clone(&order.trajectory));
-        let opening = Opening::Planned(lead_in);
-        Ok(Self { start: order.start, opening, ..Self::on(leg, order.kind, speed) })
-    }
-
-    /// To be begun when the robot stands, from wherever that is.
-    pub(super) fn later(
-        trajectory: Arc<CompiledTrajectory>,
-        kind: MotionKind,
-        speed: &Speed<'_>,
-        is_far: bool,
-        limits: &MotionLimits,
-    ) -> Self {
-        let share = if is_far { REPLACING_SPEED } else { LEAD_IN_SPEED };
-        let opening = Opening::Unplanned(speed.lead_in(share, limits));
-        Self { opening, ..Self::on(Leg::new(trajectory), kind, speed) }
-    }
-
     /// Begun already, on a path that leads onto `leg` at the phase it is at.
     fn under_way(leg: Leg, kind: MotionKind, speed: &Speed<'_>, path: OnPath) -> Self {
         Self { pace: Pace::Path(path), ..Self::on(leg, kind, speed) }
@@ -289,100 +227,15 @@ impl TrajectoryMotion {
         Some((state.state.motion_state(), path.is_at_rest()))
     }
 
-    /// The state on the course as at full speed, and its phase; none while the rate changes, when
-    /// the course ahead is not free to be changed.
-    pub(super) fn steady_state(&mut self, period_s: f64) -> Option<(f64, OnlineState)> {
-        let phase_s = self.phase_s(period_s);
-        let steady = match &self.pace {
-            Pace::Before => false,
-            Pace::Ticks(_) => true,
-            Pace::Path(path) => path.committed_s() <= phase_s,
-        };
-        steady.then(|| (phase_s, self.course.state(phase_s, &mut self.hint)))
-    }
-
-    /// Up to which phase \[s\] the course must stay what it is.
-    pub(super) fn committed_s(&self, period_s: f64) -> f64 {
-        match &self.pace {
-            Pace::Path(path) => path.committed_s(),
-            _ => self.phase_s(period_s),
-        }
-    }
-
-    /// Lets the next motion follow without a rest; gives it back if it is too late for that.
-    pub(super) fn attach(
-        &mut self,
-        exit: Exit,
-        speed: &Speed<'_>,
-        limits: &MotionLimits,
-        period_s: f64,
-    ) -> Option<Exit> {
-        let reduced = speed.reduced.map_or(1.0, |reduced| {
-            exit.entry.reduced_rate(reduced).min(exit.next.leg().reduced_rate(reduced))
-        });
-        if self.committed_s(period_s) > exit.leave_s || self.path(limits, period_s).is_none() {
-            return Some(exit);
-        }
-        self.course.exit = Some(exit);
-        self.cap = self.cap.min(reduced);
-        self.refit();
-        self.demand(limits, period_s);
-        None
-    }
-
-    /// Takes the next motion off again, if it is not too late for that.
-    pub(super) fn detach(&mut self, speed: &Speed<'_>, period_s: f64) -> Option<Waiting> {
-        let committed_s = self.committed_s(period_s);
-        self.course.exit.as_ref().filter(|exit| committed_s <= exit.leave_s)?;
-        let exit = self.course.exit.take()?;
-        self.cap = speed.cap(&self.course.leg);
-        self.refit();
-        Some(exit.next)
-    }
-
-    /// The motion after this one, on the way into which the path is now, and what this one leaves.
-    pub(super) fn go_over(self, speed: &Speed<'_>) -> Option<(Waiting, Self, Course)> {
-        let Self { mut course, pace: Pace::Path(mut path), paused, .. } = self else {
-            return None;
-        };
-        let Exit { leave_s, next, entry } = course.exit.take()?;
-        let leg = Leg { entry: Some(entry), ..next.leg() };
-        let after_s = (path.phase_s() - leave_s).max(0.0);
-        let kind = next.kind;
-        path.go_over(&Course::new(leg.clone()), after_s).ok()?;
-        let mut motion = Self::under_way(leg, kind, speed, path);
-        motion.paused = paused;
-        // What limited both limits no longer.
-        motion.follow_demand();
-        Some((next, motion, course))
-    }
-
-    /// A motion that takes the place of this one from where it is, in motion. This one is over.
-    pub(super) fn give_way(
-        &mut self,
-        entry: Entry,
-        order: &FollowOrder,
-        speed: &Speed<'_>,
-        limits: &MotionLimits,
-        period_s: f64,
-    ) -> Option<Self> {
-        let leg = Leg { trajectory: Arc::clone(&order.trajectory), entry: Some(entry) };
-        let mut path = self.path(limits, period_s)?.clone();
-        path.go_over(&Course::new(leg.clone()), 0.0).ok()?;
-        let mut motion = Self::under_way(leg, order.kind, speed, path);
-        motion.follow_demand();
-        Some(motion)
-    }
-
     pub(super) fn next(
         &mut self,
         tick: &Tick<'_>,
         held: &MotionState,
         limits: &MotionLimits,
     ) -> Next {
-        let (now, period) = (tick.now, tick.params.period);
+        let period = tick.params.period;
         match &mut self.pace {
-            Pace::Before => match self.before_start(now, period, held, limits) {
+            Pace::Before => match self.before_start(tick, held, limits) {
                 Some(next) => next,
                 None => self.begin(limits),
             },
@@ -435,36 +288,6 @@ impl TrajectoryMotion {
         if finished { Next::Last(state) } else { Next::Moving(state) }
     }
 
-    /// What is to be done before clock zero, unless that is now.
-    fn before_start(
-        &mut self,
-        now: MonoTime,
-        period: Duration,
-        held: &MotionState,
-        limits: &MotionLimits,
-    ) -> Option<Next> {
-        if let Opening::Unplanned(share) = self.opening {
-            let first = self.course.leg.trajectory.start();
-            match LeadIn::plan(&held.position, &first, share, limits, period) {
-                Ok(lead_in) => self.opening = Opening::Planned(lead_in),
-                Err(refusal) => return Some(Next::Failed(refusal)),
-            }
-        }
-        let under_way = self.is_under_way();
-        let Opening::Planned(lead_in) = &mut self.opening else { return None };
-        if !under_way {
-            let lead = lead_in.as_ref().map_or(Duration::ZERO, |lead_in| lead_in.lead(period));
-            if self.start.is_some_and(|start| now + lead + period / 2 < start) {
-                return Some(Next::Waiting);
-            }
-        }
-        if let Some(state) = lead_in.as_mut().and_then(|lead_in| lead_in.next(period)) {
-            return Some(Next::Approaching(state));
-        }
-        let missed = self.start.and_then(|start| check_in_time(start, now, period).err());
-        missed.map(|late_s| Next::Failed(Refusal::StartMissed { late_s }))
-    }
-
     fn rate_asked(&self) -> f64 {
         if self.paused { 0.0 } else { self.ratio.min(self.cap) }
     }
@@ -499,56 +322,10 @@ impl TrajectoryMotion {
             let _ = if paused { path.pause() } else { path.resume() };
         }
     }
-
-    /// The course has changed beyond what is committed.
-    fn refit(&mut self) {
-        if let Pace::Path(path) = &mut self.pace {
-            let phase_s = path.phase_s();
-            // Never refused: as many joints as before.
-            let _ = path.go_over(&self.course, phase_s);
-        }
-    }
 }
 
 impl Leg {
     fn waypoint_at(&self, phase_s: f64, hint: &mut usize) -> usize {
         self.trajectory.waypoint_at(self.clock_s(phase_s), hint)
     }
-}
-
-/// How late \[s\] a start at `now` would be for `start`, if that is too late.
-fn check_in_time(start: MonoTime, now: MonoTime, period: Duration) -> Result<(), f64> {
-    let late = now.saturating_since(start);
-    if late > period { Err(late.as_secs_f64()) } else { Ok(()) }
-}
-
-pub(super) fn check_near(
-    first: &JointVector,
-    actual: &JointVector,
-    limits: &JointVector,
-) -> Result<(), Refusal> {
-    let joints = first.iter().zip(actual.iter()).zip(limits.iter());
-    for (joint, ((first, actual), &limit)) in joints.enumerate() {
-        let value = (first - actual).abs();
-        if value > limit {
-            return Err(Refusal::StartTolerance { joint, value, limit });
-        }
-    }
-    Ok(())
-}
-
-/// Refuses a trajectory that does not suit the robot.
-pub(super) fn check_suits(
-    order: &FollowOrder,
-    params: &Params,
-    measures_velocity: bool,
-) -> Result<(), Refusal> {
-    let (given, expected) = (order.trajectory.joint_count(), params.limits.len());
-    if given != expected {
-        return Err(Refusal::WrongLength { given, expected });
-    }
-    if order.trajectory.has_velocity_tolerance() && !measures_velocity {
-        return Err(Refusal::NotSupported("measured speeds, which velocity_tolerance needs"));
-    }
-    Ok(())
 }

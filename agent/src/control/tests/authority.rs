@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use armada_protocol::messages::{
-    ActionStatus, CommandMode, FaultCode, LeaseLoss, RobotFlags, StopLevel,
+    ActionStatus, CommandMode, FaultCode, LeaseLoss, RobotFlags, Role, StopLevel,
 };
 use uuid::Uuid;
 
@@ -22,8 +22,12 @@ fn lease(number: u128) -> Uuid {
     Uuid::from_u128(1000 + number)
 }
 
+fn renew(number: u128) -> Order {
+    Order::RenewLease { lease: lease(number), ttl: None }
+}
+
 fn acquire(number: u128) -> Order {
-    Order::AcquireLease { lease: lease(number), ttl: TTL }
+    Order::AcquireLease { lease: lease(number), ttl: TTL, role: Role::Program }
 }
 
 /// A robot in `mode`, entered under lease 1.
@@ -75,7 +79,10 @@ fn a_lease_is_granted_once_with_a_new_epoch_and_told_in_the_snapshot() {
     let granted = rig.ask(acquire(1)).expect("free");
     assert_eq!(granted.epoch, epoch + 1);
     let deadline = rig.now + TTL;
-    assert_eq!(report(&rig), Some(LeaseReport { lease: lease(1), deadline, stale: false }));
+    assert_eq!(
+        report(&rig),
+        Some(LeaseReport { lease: lease(1), role: Role::Program, deadline, stale: false })
+    );
     rig.ticks(10);
     let remaining_s = (TTL - 11 * PERIOD).as_secs_f64();
     assert_eq!(rig.ask(acquire(2)), Err(Refusal::LeaseRequired { remaining_s }));
@@ -87,7 +94,7 @@ fn the_same_lease_acquired_again_is_renewed_for_its_new_time() {
     let mut rig = held_in(Halt);
     let epoch = rig.epoch();
     rig.ticks(10);
-    let again = Order::AcquireLease { lease: lease(1), ttl: 2 * TTL };
+    let again = Order::AcquireLease { lease: lease(1), ttl: 2 * TTL, role: Role::Program };
     assert_eq!(rig.ask(again).map(|granted| granted.epoch), Ok(epoch));
     assert_eq!(report(&rig).map(|report| report.deadline), Some(rig.now + 2 * TTL));
     assert_eq!(changes(&rig), [LeaseChange::Granted(lease(1))]);
@@ -157,7 +164,7 @@ fn a_renewed_lease_lasts_on_and_ends_nothing() {
     let epoch = rig.epoch();
     for _ in 0..20 {
         rig.ticks(TTL_TICKS / 2);
-        assert_eq!(rig.ask(Order::RenewLease(lease(1))).map(|g| g.epoch), Ok(epoch));
+        assert_eq!(rig.ask(renew(1)).map(|g| g.epoch), Ok(epoch));
     }
     assert_eq!(end(rig.ended(1)), (ActionStatus::Complete, None));
 }
@@ -183,7 +190,7 @@ fn a_stale_lease_is_recovered_by_its_holder_and_moves_nothing() {
     let epoch = rig.epoch();
     rig.ticks(TTL_TICKS + 200);
     let sent = rig.commands.last().copied();
-    assert_eq!(rig.ask(Order::RenewLease(lease(1))).map(|granted| granted.epoch), Ok(epoch));
+    assert_eq!(rig.ask(renew(1)).map(|granted| granted.epoch), Ok(epoch));
     assert_eq!(changes(&rig).last(), Some(&LeaseChange::Recovered(lease(1))));
     rig.ticks(TTL_TICKS / 2);
     assert_eq!(rig.commands.last().copied(), sent);
@@ -195,7 +202,7 @@ fn a_stale_lease_that_another_took_is_gone() {
     let mut rig = held_in(Jog);
     rig.ticks(TTL_TICKS);
     assert!(rig.ask(acquire(2)).is_ok());
-    assert_eq!(rig.ask(Order::RenewLease(lease(1))), Err(Refusal::LeaseStale));
+    assert_eq!(rig.ask(renew(1)), Err(Refusal::LeaseStale));
     assert_eq!(rig.ask(Order::ReleaseLease(lease(1))), Err(Refusal::LeaseStale));
     assert_eq!(rig.ask_under(lease(1), jog(1, [0.1; 3])), Err(Refusal::LeaseStale));
     assert!(rig.ask_under(lease(2), jog(2, [0.1; 3])).is_ok());
@@ -207,7 +214,7 @@ fn a_stale_lease_is_gone_once_somebody_commands_without_one() {
     rig.ticks(TTL_TICKS);
     assert!(rig.jog(1, [0.5, 0.0, 0.0]).is_ok(), "as if nobody held one");
     assert_eq!(report(&rig), None);
-    assert_eq!(rig.ask(Order::RenewLease(lease(1))), Err(Refusal::LeaseStale));
+    assert_eq!(rig.ask(renew(1)), Err(Refusal::LeaseStale));
     rig.until("the end", |rig| rig.ended(1).is_some());
     assert_eq!(end(rig.ended(1)), (ActionStatus::Complete, None));
 }
@@ -250,7 +257,7 @@ fn a_motion_that_may_go_on_for_a_while_ends_after_it_unless_the_lease_is_recover
         let deadline = report(&rig).expect("held").deadline;
         rig.ticks(TTL_TICKS + 50);
         if recovered {
-            rig.ask(Order::RenewLease(lease(1))).expect("nobody took it");
+            rig.ask(renew(1)).expect("nobody took it");
             rig.until("another end", |rig| report(rig).is_some_and(|report| report.stale));
         }
         rig.until("the end", |rig| rig.ended(1).is_some());
@@ -297,7 +304,7 @@ fn a_stop_takes_the_lease_and_none_can_be_acquired_until_its_reset() {
     assert_eq!(report(&rig), None);
     assert_eq!(changes(&rig).last(), Some(&LeaseChange::Released(lease(1))));
     assert_eq!(rig.ask(acquire(2)), Err(stopped));
-    assert_eq!(rig.ask(Order::RenewLease(lease(1))), Err(Refusal::LeaseStale));
+    assert_eq!(rig.ask(renew(1)), Err(Refusal::LeaseStale));
     assert_eq!(rig.ask_under(lease(1), Order::Enable), Err(stopped), "not: acquire it anew");
     rig.until("standstill", Rig::command_rests);
     rig.stop = None;

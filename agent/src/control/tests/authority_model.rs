@@ -1,29 +1,50 @@
 //! The lease against a small model, which reads what the loop says in its order.
 
-use std::time::Duration;
+mod model;
 
-use armada_model::MonoTime;
-use armada_protocol::messages::{CommandMode, LeaseLoss, StopLevel};
+use armada_protocol::messages::{CommandMode, LeaseLoss, LeaseScope, Role, StopLevel};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use uuid::Uuid;
 
-use super::rig::{PERIOD, Rig, jog, trajectory};
-use crate::control::{
-    FollowOrder, LeaseChange, LeaseReport, LoopEvent, MAX_REQUESTS, Order, Refusal,
-};
+use self::model::{Asked, MAINS, Model, SUBS, lease};
+use super::rig::{PERIOD, Rig, jog, long_stories, trajectory};
+use crate::control::{FollowOrder, LeaseChange, LoopEvent, MAX_REQUESTS, Order};
 
 /// Something that happens to the loop.
 #[derive(Clone, Debug)]
 enum Act {
     Ticks(usize),
     Late(u32),
-    Acquire { who: u128, ttl_ticks: u32 },
-    Renew(u128),
+    Acquire {
+        who: u128,
+        ttl_ticks: u32,
+        role: Role,
+    },
+    Take {
+        who: u128,
+        ttl_ticks: u32,
+        role: Role,
+    },
+    Delegate {
+        by: u128,
+        who: u128,
+        scope: LeaseScope,
+        ttl_ticks: u32,
+    },
+    Renew {
+        who: u128,
+        ttl_ticks: Option<u32>,
+    },
     Release(u128),
-    Command { under: Option<u128>, what: Command },
+    Command {
+        under: Option<u128>,
+        what: Command,
+    },
+    /// A request about leases comes once more, however old it is.
+    Again(usize),
     Halt,
     Stop(Option<StopLevel>),
+    Local(bool),
     Error(u32),
 }
 
@@ -31,12 +52,19 @@ enum Act {
 enum Command {
     Mode(CommandMode),
     ResetErrors,
+    Parameter,
     Jog,
     Follow(LeaseLoss),
 }
 
 fn act() -> impl Strategy<Value = Act> {
-    let who = 0..3u128;
+    let main = 0..MAINS;
+    let sub = MAINS..MAINS + SUBS;
+    let who = prop_oneof![2 => main.clone(), 2 => sub.clone()].boxed();
+    let ttl = 0..60u32;
+    let role = prop::sample::select(vec![Role::Program, Role::Operator, Role::Supervisor]);
+    let scope =
+        prop::sample::select(vec![LeaseScope::Arm, LeaseScope::EndEffector, LeaseScope::Io]);
     let reaction = prop_oneof![
         Just(LeaseLoss::StopOnPath),
         Just(LeaseLoss::Finish),
@@ -46,6 +74,7 @@ fn act() -> impl Strategy<Value = Act> {
         2 => Just(Command::Mode(CommandMode::Jog)),
         3 => Just(Command::Mode(CommandMode::Trajectory)),
         3 => Just(Command::ResetErrors),
+        2 => Just(Command::Parameter),
         2 => Just(Command::Jog),
         4 => reaction.prop_map(Command::Follow),
     ];
@@ -53,254 +82,72 @@ fn act() -> impl Strategy<Value = Act> {
     prop_oneof![
         8 => (1..30usize).prop_map(Act::Ticks),
         1 => (2..20u32).prop_map(Act::Late),
-        4 => (who.clone(), 0..60u32).prop_map(|(who, ttl_ticks)| Act::Acquire { who, ttl_ticks }),
-        3 => who.clone().prop_map(Act::Renew),
+        4 => (main.clone(), ttl.clone(), role.clone())
+            .prop_map(|(who, ttl_ticks, role)| Act::Acquire { who, ttl_ticks, role }),
+        2 => (main, ttl.clone(), role)
+            .prop_map(|(who, ttl_ticks, role)| Act::Take { who, ttl_ticks, role }),
+        6 => (who.clone(), sub, scope, ttl.clone())
+            .prop_map(|(by, who, scope, ttl_ticks)| Act::Delegate { by, who, scope, ttl_ticks }),
+        4 => (who.clone(), prop::option::weighted(0.3, ttl))
+            .prop_map(|(who, ttl_ticks)| Act::Renew { who, ttl_ticks }),
         1 => who.clone().prop_map(Act::Release),
+        2 => any::<usize>().prop_map(Act::Again),
         10 => (prop::option::of(who), command)
             .prop_map(|(under, what)| Act::Command { under, what }),
         2 => Just(Act::Halt),
         1 => stop.prop_map(Act::Stop),
+        1 => prop::bool::weighted(0.3).prop_map(Act::Local),
         1 => (0..2u32).prop_map(Act::Error),
     ]
-}
-
-/// What ought to be.
-#[derive(Default)]
-struct Model {
-    held: Option<Held>,
-    stopped: bool,
-    /// The motion in progress, as the loop told, with its lease and reaction.
-    running: Option<Running>,
-    /// What is asked in this tick, in its order.
-    asked: Vec<Asked>,
-    expected: Vec<LeaseChange>,
-}
-
-struct Held {
-    lease: Uuid,
-    ttl: Duration,
-    deadline: MonoTime,
-    stale: bool,
-}
-
-struct Running {
-    id: Uuid,
-    lease: Option<Uuid>,
-    reaction: LeaseLoss,
-}
-
-struct Asked {
-    ticket: u64,
-    lease: Option<Uuid>,
-    order: Order,
-}
-
-fn lease(who: u128) -> Uuid {
-    Uuid::from_u128(5000 + who)
-}
-
-impl Model {
-    fn begin_tick(&mut self, now: MonoTime, stop: Option<StopLevel>) {
-        if stop.is_some() && !self.stopped {
-            self.release();
-        }
-        self.stopped = stop.is_some();
-        if let Some(held) = self.held.as_mut().filter(|held| now >= held.deadline && !held.stale) {
-            held.stale = true;
-            self.expected.push(LeaseChange::Expired(held.lease));
-        }
-    }
-
-    fn release(&mut self) {
-        if let Some(held) = self.held.take() {
-            self.expected.push(LeaseChange::Released(held.lease));
-        }
-    }
-
-    fn in_force(&self, lease: Uuid) -> bool {
-        self.held.as_ref().is_some_and(|held| held.lease == lease && !held.stale)
-    }
-
-    /// The refusal that the lease is cause of, if it is.
-    fn refusal(&self, now: MonoTime, asked: &Asked) -> Option<Refusal> {
-        let required = |held: &Held| Refusal::LeaseRequired {
-            remaining_s: held.deadline.saturating_since(now).as_secs_f64(),
-        };
-        let is_held = |lease| self.held.as_ref().is_some_and(|held| held.lease == lease);
-        match &asked.order {
-            Order::AcquireLease { .. } if self.stopped => Some(Refusal::Stopped(StopLevel::L2)),
-            Order::AcquireLease { lease, .. } => {
-                self.held.as_ref().filter(|held| held.lease != *lease && !held.stale).map(required)
-            }
-            Order::RenewLease(lease) | Order::ReleaseLease(lease) => {
-                (!is_held(*lease)).then_some(Refusal::LeaseStale)
-            }
-            Order::Halt => None,
-            _ => match asked.lease {
-                Some(lease) if self.in_force(lease) => None,
-                Some(_) if self.stopped => Some(Refusal::Stopped(StopLevel::L2)),
-                Some(_) => Some(Refusal::LeaseStale),
-                None => {
-                    let held = self.held.as_ref()?;
-                    let drives = self.running.as_ref().is_some_and(|r| r.lease == Some(held.lease));
-                    (!held.stale || drives).then(|| required(held))
-                }
-            },
-        }
-    }
-
-    fn granted(&mut self, now: MonoTime, asked: &Asked) {
-        match &asked.order {
-            Order::AcquireLease { lease, ttl } => match &mut self.held {
-                Some(held) if held.lease == *lease => {
-                    held.ttl = *ttl;
-                    self.renewed(now);
-                }
-                _ => {
-                    let (lease, ttl) = (*lease, *ttl);
-                    self.held = Some(Held { lease, ttl, deadline: now + ttl, stale: false });
-                    self.expected.push(LeaseChange::Granted(lease));
-                }
-            },
-            Order::RenewLease(_) => self.renewed(now),
-            Order::ReleaseLease(_) => self.release(),
-            Order::Halt => {}
-            order => {
-                let (lease, id) = (asked.lease, order.motion_id());
-                let reaction = match order {
-                    Order::Follow(order) => order.on_lease_loss,
-                    _ => LeaseLoss::StopOnPath,
-                };
-                if let Some(id) = id {
-                    self.running = Some(Running { id, lease, reaction });
-                }
-                if lease.is_none() && self.held.as_ref().is_some_and(|held| held.stale) {
-                    self.release();
-                }
-            }
-        }
-    }
-
-    fn renewed(&mut self, now: MonoTime) {
-        let Some(held) = &mut self.held else { return };
-        held.deadline = now + held.ttl;
-        if std::mem::replace(&mut held.stale, false) {
-            self.expected.push(LeaseChange::Recovered(held.lease));
-        }
-    }
-
-    /// Goes through what the loop said in a tick.
-    fn follow(&mut self, now: MonoTime, epoch_before: u64, events: &[LoopEvent]) {
-        let mut asked = std::mem::take(&mut self.asked).into_iter().peekable();
-        for event in events {
-            match event {
-                LoopEvent::Answer { ticket, result } => {
-                    // Those before it were not answered, so they wait for the controller.
-                    while let Some(waiting) = asked.next_if(|asked| asked.ticket < *ticket) {
-                        assert_eq!(self.refusal(now, &waiting), None, "{:?}", waiting.order);
-                        self.granted(now, &waiting);
-                    }
-                    let Some(asked) = asked.next_if(|asked| asked.ticket == *ticket) else {
-                        continue;
-                    };
-                    match self.refusal(now, &asked) {
-                        Some(refusal) => assert_eq!(*result, Err(refusal), "{:?}", asked.order),
-                        None => self.check_answer(&asked, *result, epoch_before),
-                    }
-                    if result.is_ok() {
-                        self.granted(now, &asked);
-                    }
-                }
-                LoopEvent::Motion(report) if report.status.is_terminal() => {
-                    self.running = self.running.take().filter(|running| running.id != report.id);
-                }
-                _ => {}
-            }
-        }
-        for waiting in asked {
-            assert_eq!(self.refusal(now, &waiting), None, "{:?}", waiting.order);
-            self.granted(now, &waiting);
-        }
-    }
-
-    fn check_answer(
-        &self,
-        asked: &Asked,
-        result: Result<crate::control::Granted, Refusal>,
-        epoch_before: u64,
-    ) {
-        let order = &asked.order;
-        assert!(
-            !matches!(result, Err(Refusal::LeaseStale | Refusal::LeaseRequired { .. })),
-            "{order:?} under {:?}: {result:?}",
-            asked.lease
-        );
-        match order {
-            Order::AcquireLease { lease, .. }
-                if self.held.as_ref().is_none_or(|held| held.lease != *lease) =>
-            {
-                let granted = result.expect("nothing speaks against it");
-                assert!(granted.epoch > epoch_before, "a grant raises the epoch");
-            }
-            Order::ReleaseLease(_) => {
-                let granted = result.expect("nothing speaks against it");
-                assert!(granted.epoch > epoch_before, "a release raises the epoch");
-            }
-            Order::AcquireLease { .. } | Order::RenewLease(_) => assert!(result.is_ok()),
-            _ => {}
-        }
-    }
-
-    fn check(&self, now: MonoTime, report: Option<LeaseReport>, motion: Option<Uuid>) {
-        let held = self.held.as_ref().map(|held| LeaseReport {
-            lease: held.lease,
-            deadline: held.deadline,
-            stale: held.stale,
-        });
-        assert_eq!(report, held);
-        let running = self.running.as_ref().filter(|running| Some(running.id) == motion);
-        let Some(Running { lease: Some(lease), reaction, .. }) = running else { return };
-        let held = self.held.as_ref().expect("what moves under a lease ends with it");
-        assert_eq!(held.lease, *lease, "what moves under a lease ends with it");
-        let since_s = now.saturating_since(held.deadline).as_secs_f64();
-        let may = match reaction {
-            _ if !held.stale => true,
-            LeaseLoss::StopOnPath => false,
-            LeaseLoss::Finish => true,
-            LeaseLoss::ContinueS(time_s) => since_s < *time_s,
-        };
-        assert!(may, "{reaction:?} still moves {since_s} s after the end of its lease");
-    }
 }
 
 struct Story {
     rig: Rig,
     model: Model,
     motions: u128,
+    /// Requests about leases, to come once more.
+    sent: Vec<Order>,
 }
 
 impl Story {
     fn new() -> Self {
         let (rig, model) = (Rig::in_mode(CommandMode::Halt), Model::default());
-        Self { rig, model, motions: 0 }
+        Self { rig, model, motions: 0, sent: Vec::new() }
     }
 
     fn play(&mut self, act: &Act) {
         match *act {
             Act::Ticks(count) => (0..count).for_each(|_| self.tick(1)),
             Act::Late(periods) => self.tick(periods),
-            Act::Acquire { who, ttl_ticks } => {
-                let ttl = PERIOD * ttl_ticks;
-                self.ask(None, Order::AcquireLease { lease: lease(who), ttl });
+            Act::Acquire { who, ttl_ticks, role } => {
+                let (lease, ttl) = (lease(who), PERIOD * ttl_ticks);
+                self.send(Order::AcquireLease { lease, ttl, role });
             }
-            Act::Renew(who) => self.ask(None, Order::RenewLease(lease(who))),
-            Act::Release(who) => self.ask(None, Order::ReleaseLease(lease(who))),
+            Act::Take { who, ttl_ticks, role } => {
+                let (lease, ttl) = (lease(who), PERIOD * ttl_ticks);
+                self.send(Order::TakeLease { lease, ttl, role });
+            }
+            Act::Delegate { by, who, scope, ttl_ticks } => {
+                let (parent, lease, ttl) = (lease(by), lease(who), PERIOD * ttl_ticks);
+                self.send(Order::DelegateLease { parent, lease, scope, ttl });
+            }
+            Act::Renew { who, ttl_ticks } => {
+                let ttl = ttl_ticks.map(|ticks| PERIOD * ticks);
+                self.send(Order::RenewLease { lease: lease(who), ttl });
+            }
+            Act::Release(who) => self.send(Order::ReleaseLease(lease(who))),
+            Act::Again(which) => {
+                if let Some(order) = self.sent.get(which % self.sent.len().max(1)) {
+                    self.ask(None, order.clone());
+                }
+            }
             Act::Halt => self.ask(None, Order::Halt),
             Act::Command { under, what } => {
                 let order = self.command(what);
                 self.ask(under.map(lease), order);
             }
             Act::Stop(level) => self.rig.stop = level,
+            Act::Local(local) => self.rig.plant.local_control = local,
             Act::Error(code) => self.rig.plant.error_code = code,
         }
     }
@@ -311,6 +158,9 @@ impl Story {
         match what {
             Command::Mode(mode) => Order::SetMode(mode),
             Command::ResetErrors => Order::ResetErrors,
+            Command::Parameter => {
+                Order::SetParameter { parameter: 0, value: 0.0, restricted: true }
+            }
             Command::Jog => jog(id, [if id.is_multiple_of(2) { 0.5 } else { -0.5 }, 0.0, 0.0]),
             Command::Follow(on_lease_loss) => {
                 let held = self.rig.commands.last().expect("held").joint_position;
@@ -320,6 +170,11 @@ impl Story {
                 Order::Follow(FollowOrder { on_lease_loss, ..order })
             }
         }
+    }
+
+    fn send(&mut self, order: Order) {
+        self.sent.push(order.clone());
+        self.ask(None, order);
     }
 
     fn ask(&mut self, lease: Option<Uuid>, order: Order) {
@@ -334,7 +189,11 @@ impl Story {
         let epoch = self.rig.epoch();
         let output = self.rig.late_tick(periods);
         let now = self.rig.now;
-        self.model.begin_tick(now, self.rig.stop);
+        let (local, was_local) = (self.rig.plant.local_control, self.model.local);
+        self.model.begin_tick(now, self.rig.stop, local);
+        let switched = LoopEvent::LocalControl(local);
+        let told = output.events.iter().filter(|event| **event == switched).count();
+        assert_eq!(told, usize::from(local != was_local), "the pendant's taking over is told once");
         self.model.follow(now, epoch, &output.events);
         let said: Vec<LeaseChange> = output
             .events
@@ -345,22 +204,12 @@ impl Story {
             })
             .collect();
         assert_eq!(said, std::mem::take(&mut self.model.expected));
-        let snapshot = output.snapshot;
-        self.model.check(now, snapshot.lease, snapshot.motion.map(|motion| motion.id));
-    }
-}
-
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        rng_seed: RngSeed::Fixed(21),
-        failure_persistence: None,
-        max_shrink_time: 30_000,
-        ..ProptestConfig::with_cases(500)
+        self.model.check(now, &output.snapshot);
     }
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(long_stories(21))]
 
     #[test]
     fn the_lease_is_as_its_model_whatever_happens(acts in prop::collection::vec(act(), 1..120)) {

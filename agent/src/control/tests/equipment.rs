@@ -86,6 +86,18 @@ fn equipment_is_swapped_at_rest_and_the_controller_is_told_the_load() {
 }
 
 #[test]
+fn a_controller_that_says_it_is_another_run_is_told_the_load_again() {
+    let mut rig = rig();
+    assert!(rig.ask(change(1, 2.5)).is_ok());
+    rig.ticks(3);
+    assert_eq!(told(&rig), [0.0, 2.5]);
+    rig.plant.session += 1;
+    rig.ticks(30);
+    assert_eq!(told(&rig), [0.0, 2.5, 2.5], "once, without a silence");
+    assert!(rig.fault_codes().is_empty());
+}
+
+#[test]
 fn the_controller_knows_the_tool_before_it_moves_it_to_a_pose() {
     let abilities = LoopAbilities { move_pose: true, load: true, ..LoopAbilities::default() };
     let tool = |x: f64| {

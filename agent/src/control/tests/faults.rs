@@ -323,8 +323,13 @@ fn a_set_point_that_is_not_finite_is_dropped_and_latches_a_loop_error() {
     let nan = joints([0.0; 3]).map_indexed(|_, _| f64::NAN);
     let mut output = rig.last.clone().expect("a tick");
     output.events.clear();
-    let mut tick =
-        Tick { params: &rig.params, now: rig.now, loop_error: false, output: &mut output };
+    let mut tick = Tick {
+        params: &rig.params,
+        now: rig.now,
+        loop_error: false,
+        stopped: false,
+        output: &mut output,
+    };
     let desired = MotionState { position: nan, velocity: nan };
     let sent = rig.state.emit(&mut tick, &desired, Some(End::Complete));
     assert_eq!(sent, None);

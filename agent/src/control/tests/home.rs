@@ -182,10 +182,17 @@ fn a_controller_that_ignores_the_stop_gets_no_set_points_and_the_mode_of_motion_
     rig.plant.obeys_after = None;
     let sent = rig.commands.len();
     rig.ask(Order::Halt).expect("granted");
-    rig.ticks(100);
-    assert_eq!(rig.commands.len(), sent);
-    assert!(count(&rig, DriverRequest::StopMotion) > 5, "asked for again and again");
+    rig.ticks(45);
+    assert!(count(&rig, DriverRequest::StopMotion) > 2, "asked for again and again");
     assert_eq!(rig.ask(Order::SetMode(Jog)), Err(Refusal::StillMoving));
+    assert_eq!(rig.fault_codes(), [], "it has its time");
+    rig.until("the fault", |rig| rig.fault_codes() == [FaultCode::StopIgnored]);
+    rig.ticks(100);
+    assert!(count(&rig, DriverRequest::Disable) > 5, "the brakes are to end it");
+    assert!(count(&rig, DriverRequest::StopMotion) > 5, "and it is asked on");
+    assert_eq!(rig.commands.len(), sent);
+    let refused = rig.ask(Order::SetMode(Jog));
+    assert_eq!(refused, Err(Refusal::Faulted(FaultCode::StopIgnored)));
 }
 
 #[test]

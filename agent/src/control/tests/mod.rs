@@ -2,12 +2,14 @@
 
 mod authority;
 mod authority_model;
+mod authority_shared;
 mod controller;
 mod delegated;
 mod equipment;
 mod faults;
 mod flags;
 mod home;
+mod invariants;
 mod jog;
 mod jog_cartesian;
 mod jog_joint;

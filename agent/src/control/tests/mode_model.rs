@@ -7,9 +7,8 @@ use armada_protocol::messages::{
     ClearBy, CommandMode, FaultCode, OperationalMode, RobotFlags, StopLevel,
 };
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
-use super::rig::{Plant, Rig, jog, params};
+use super::rig::{Plant, Rig, jog, long_stories, params};
 use crate::control::{Granted, LoopEvent, MAX_REQUESTS, Order, Params, Refusal, clear_by};
 
 use CommandMode::{Halt, Homing, InvalidState};
@@ -392,17 +391,8 @@ impl Story {
     }
 }
 
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        rng_seed: RngSeed::Fixed(22),
-        failure_persistence: None,
-        max_shrink_time: 30_000,
-        ..ProptestConfig::with_cases(500)
-    }
-}
-
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(long_stories(22))]
 
     #[test]
     fn the_mode_is_as_its_model_whatever_happens(acts in prop::collection::vec(act(), 1..120)) {

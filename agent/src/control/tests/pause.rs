@@ -7,7 +7,7 @@ use armada_protocol::messages::{
 use uuid::Uuid;
 
 use super::rig::{PERIOD, Rig, follow_with, jog, joints, queued, trajectory, trajectory_with};
-use crate::control::{Order, Refusal};
+use crate::control::{JogJointOrder, Order, Refusal};
 
 use ActionStatus::{Cancelled, Complete, Paused, Running};
 use CommandMode::Trajectory;
@@ -100,8 +100,60 @@ fn what_waits_or_does_not_exist_or_cannot_is_not_paused() {
     assert_eq!(rig.ask(Order::Pause(id(3))), Err(Refusal::NotPausable));
     rig.finish();
     let mut rig = Rig::in_mode(CommandMode::Jog);
-    rig.ask(jog(1, [0.5, 0.0, 0.0])).expect("granted");
-    assert_eq!(rig.ask(Order::Pause(id(1))), Err(Refusal::NotPausable));
+    let (joint_velocity, timeout) = (joints([0.1; 3]), PERIOD * 100);
+    let order = JogJointOrder { id: id(1), joint_velocity, timeout, renews: false };
+    rig.ask(Order::JogJoint(order)).expect("granted");
+    assert_eq!(rig.ask(Order::Pause(id(1))), Err(Refusal::NotPausable), "let it go instead");
+}
+
+#[test]
+fn a_paused_jog_rests_on_its_way_and_goes_on_to_its_exact_goal() {
+    let goal = [0.7, -0.35, 1.4];
+    for ticks in [1, 7, 40, 120, 200] {
+        let mut rig = Rig::in_mode(CommandMode::Jog);
+        rig.ask(jog(1, goal)).expect("granted");
+        rig.ticks(ticks);
+        assert_eq!(rig.ended(1), None);
+        rig.ask(Order::Pause(id(1))).expect("granted");
+        rig.ask(Order::Pause(id(1))).expect("granted again, and not told again");
+        rig.until("rest", Rig::command_rests);
+        rig.ticks(2);
+        let rest = sent(&rig);
+        let off = (0..3).map(|joint| (rest[joint] * goal[0] - rest[0] * goal[joint]).abs());
+        assert!(off.fold(0.0, f64::max) < 1e-6, "off the straight way at {ticks}: {rest:?}");
+        let progress = rig.last.as_ref().expect("a tick").snapshot.motion.expect("in progress");
+        assert!(progress.paused && progress.rate == 0.0, "{progress:?}");
+        rig.ticks(100);
+        assert_eq!(sent(&rig), rest, "nothing moves while it is paused");
+        rig.ask(Order::Resume(id(1))).expect("granted");
+        rig.until("the end", |rig| rig.ended(1).is_some());
+        assert_eq!(sent(&rig), joints(goal));
+        assert_eq!(rig.statuses(1), [Running, Paused, Running, Complete]);
+        let end = rig.ended(1).expect("ended").progress;
+        assert!((end.elapsed_s - end.duration_s).abs() < 1e-9, "{end:?}");
+        assert_eq!(rig.last.expect("a tick").snapshot.limited_setpoints, 0);
+    }
+}
+
+#[test]
+fn a_jog_resumed_on_its_way_to_rest_or_sent_elsewhere_stays_legal() {
+    for ticks in (3..200).step_by(17) {
+        let mut rig = Rig::in_mode(CommandMode::Jog);
+        rig.ask(jog(1, [0.7, -0.35, 1.4])).expect("granted");
+        rig.ticks(ticks);
+        rig.ask(Order::Pause(id(1))).expect("granted");
+        rig.ticks(4);
+        rig.ask(Order::Resume(id(1))).expect("granted");
+        rig.ticks(3);
+        rig.ask(Order::SetSpeedRatio(0.5)).expect("granted");
+        rig.ask(Order::Pause(id(1))).expect("granted");
+        rig.ticks(ticks % 30);
+        rig.ask(jog(2, [0.0, 0.2, 0.1])).expect("another goal");
+        assert_eq!(rig.ended(1).map(|end| end.status), Some(Cancelled));
+        rig.until("the end", |rig| rig.ended(2).is_some());
+        assert_eq!(sent(&rig), joints([0.0, 0.2, 0.1]));
+        assert_eq!(rig.last.expect("a tick").snapshot.limited_setpoints, 0, "after {ticks}");
+    }
 }
 
 #[test]

@@ -15,10 +15,14 @@ pub(super) struct Plant {
     velocity: JointVector,
     sent: VecDeque<JointVector>,
     pub(super) enabled: bool,
+    /// Which run of the controller it is.
+    pub(super) session: u64,
     pub(super) ready: bool,
     pub(super) emergency_stop: bool,
     pub(super) error_code: u32,
     pub(super) guard_stop: bool,
+    /// Whether the pendant has control.
+    pub(super) local_control: bool,
     pub(super) conditions: RobotFlags,
     pub(super) operational_mode: OperationalMode,
     /// Joints that know their reference.
@@ -53,10 +57,12 @@ impl Plant {
             velocity: position.map_indexed(|_, _| 0.0),
             sent: VecDeque::new(),
             enabled: true,
+            session: 1,
             ready: true,
             emergency_stop: false,
             error_code: 0,
             guard_stop: false,
+            local_control: false,
             conditions: RobotFlags::NONE,
             operational_mode: OperationalMode::Cobot,
             homed: JointSet::first(JOINTS),
@@ -79,6 +85,7 @@ impl Plant {
     pub(super) fn recover(&mut self) {
         (self.emergency_stop, self.silent, self.blocked) = (false, false, false);
         (self.guard_stop, self.conditions) = (false, RobotFlags::NONE);
+        self.local_control = false;
         (self.obeys_after, self.creep) = (Some(5), 0.0);
         self.obeying.clear();
         self.ready = self.enabled;
@@ -93,11 +100,13 @@ impl Plant {
                     JointVector::EMPTY
                 },
                 enabled: self.enabled,
+                session: self.session,
                 ready: self.ready,
                 emergency_stop: self.emergency_stop,
                 error_code: self.error_code,
                 operational_mode: self.operational_mode,
                 guard_stop: self.guard_stop,
+                local_control: self.local_control,
                 conditions: self.conditions,
                 homed: self.homed,
                 homing: self.homing,

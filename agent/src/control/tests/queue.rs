@@ -232,7 +232,7 @@ fn the_loss_of_a_lease_ends_a_motion_as_it_was_told_to() {
         let mut rig = Rig::in_mode(CommandMode::Halt);
         let lease = id(77);
         let ttl = PERIOD * 100;
-        rig.ask(Order::AcquireLease { lease, ttl }).expect("granted");
+        rig.ask(Order::AcquireLease { lease, ttl, role: Default::default() }).expect("granted");
         rig.ask_under(lease, Order::SetMode(Trajectory)).expect("granted");
         let first = FollowOrder::at_once(id(1), line(A, B));
         let first = Order::Follow(FollowOrder { on_lease_loss: reaction, ..first });

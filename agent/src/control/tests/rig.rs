@@ -12,6 +12,7 @@ use armada_protocol::messages::{
     ActionStatus, CommandMode, FaultCode, Queue, StopLevel, StopStage,
 };
 use arrayvec::ArrayVec;
+use proptest::test_runner::{Config as ProptestConfig, RngSeed};
 use uuid::Uuid;
 
 pub(super) use super::plant::Plant;
@@ -341,6 +342,16 @@ impl Rig {
             .filter(|(_, status)| status.is_some_and(|status| !status.is_terminal()))
             .collect();
         assert!(running.is_empty(), "motions {running:?} did not end");
+    }
+}
+
+/// How stories against a model are tried: many, long, and the same at each run.
+pub(super) fn long_stories(seed: u64) -> ProptestConfig {
+    ProptestConfig {
+        rng_seed: RngSeed::Fixed(seed),
+        failure_persistence: None,
+        max_shrink_time: 30_000,
+        ..ProptestConfig::with_cases(500)
     }
 }
 

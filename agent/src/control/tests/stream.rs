@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use armada_model::{JointVector, Twist};
-use armada_protocol::messages::{CommandMode, JogFrame, RobotFlags, StopLevel, StreamHeader};
+use armada_protocol::messages::{CommandMode, JogFrame, RobotFlags, Role, StopLevel, StreamHeader};
 use uuid::Uuid;
 
 use super::rig::{JOINTS, PERIOD, Rig, joints};
@@ -25,7 +25,8 @@ pub(super) fn streaming(mode: CommandMode) -> Rig {
 /// The same with a robot that is given.
 pub(super) fn lead(mut rig: Rig, mode: CommandMode) -> Rig {
     rig.tick();
-    let order = Order::AcquireLease { lease: LEASE, ttl: Duration::from_secs(60) };
+    let order =
+        Order::AcquireLease { lease: LEASE, ttl: Duration::from_secs(60), role: Role::Program };
     rig.ask(order).expect("a free robot");
     rig.ask_under(LEASE, Order::SetMode(mode)).expect("a mode of every robot");
     rig
@@ -322,7 +323,7 @@ fn a_stream_whose_lease_runs_out_ends_and_a_renewed_lease_needs_new_samples() {
     let mut rig = Rig::new();
     rig.tick();
     let ttl = Duration::from_millis(400);
-    rig.ask(Order::AcquireLease { lease: LEASE, ttl }).expect("free");
+    rig.ask(Order::AcquireLease { lease: LEASE, ttl, role: Role::Program }).expect("free");
     rig.ask_under(LEASE, Order::SetMode(VelocityCommand)).expect("granted");
     for _ in 0..200 {
         send(&mut rig, velocity([0.5, 0.0, 0.0]));
@@ -330,7 +331,7 @@ fn a_stream_whose_lease_runs_out_ends_and_a_renewed_lease_needs_new_samples() {
     assert!(rig.command_rests() && report(&rig).is_none());
     assert_eq!(changes(&rig), [StreamChange::Began, StreamChange::Ended]);
     assert!(dropped(&rig).lease > 50);
-    rig.ask(Order::RenewLease(LEASE)).expect("nobody else has one");
+    rig.ask(Order::RenewLease { lease: LEASE, ttl: None }).expect("nobody else has one");
     rig.ticks(20);
     assert!(rig.command_rests(), "renewing does not move");
     send(&mut rig, velocity([0.5, 0.0, 0.0]));
@@ -344,7 +345,8 @@ fn samples_during_the_ramp_of_an_older_stream_wait_for_its_end() {
         send(&mut rig, velocity([1.0, 0.0, 0.0]));
     }
     rig.ask(Order::ReleaseLease(LEASE)).expect("held");
-    let order = Order::AcquireLease { lease: LEASE, ttl: Duration::from_secs(60) };
+    let order =
+        Order::AcquireLease { lease: LEASE, ttl: Duration::from_secs(60), role: Role::Program };
     rig.ask(order).expect("free again");
     assert!(!rig.command_rests());
     for _ in 0..300 {

@@ -64,6 +64,8 @@ pub struct EmulatorConfig {
     pub following_error_m: f64,
     /// Where the key switch stands at the start; default `cobot`.
     pub operational_mode: OperationalMode,
+    /// Whether the pendant has control at the start; default false.
+    pub local_control: bool,
     /// Whether drives go on in a manual mode only while the enabling switch is held; default false.
     pub enabling_switch_required: bool,
     /// What an open guard does; default `controlled_stop`.
@@ -130,6 +132,7 @@ impl Default for EmulatorConfig {
             following_error_rad: 0.5,
             following_error_m: 0.1,
             operational_mode: OperationalMode::Cobot,
+            local_control: false,
             enabling_switch_required: false,
             guard_stop: GuardStop::default(),
             homing: HomingConfig::default(),

@@ -5,12 +5,12 @@ use std::time::Duration;
 use armada_model::MonoTime;
 use arrayvec::ArrayVec;
 
-use super::settings::{parameter_infos, signal_infos};
 use super::Config;
+use super::settings::{parameter_infos, signal_infos};
 use super::wire::{Body, Header, Power, RequestBody, Status, decode, encode};
 use crate::drivers::{
-    Abilities, DelegatedGoal, Driver, DriverRequest, DriverSetup, Endpoint, Feedback, LinkCounters, Pacing, SetPoint,
-    SetupError, Transmit,
+    Abilities, DelegatedGoal, Driver, DriverRequest, DriverSetup, Endpoint, Feedback, LinkCounters,
+    Pacing, SetPoint, SetupError, Transmit,
 };
 
 /// Silence of either side after which hello is sent again.
@@ -118,7 +118,7 @@ impl SimDriver {
             self.forget_sent_order();
             self.request_sent = None; // the next one goes at once
         }
-        self.feedback = Some(feedback(now, status));
+        self.feedback = Some(Feedback { session: header.sender, ..feedback(now, status) });
     }
 
     /// What is next in line has not left yet: it will get a new id.
@@ -321,6 +321,7 @@ fn feedback(now: MonoTime, status: &Status) -> Feedback {
         error_code: status.error,
         operational_mode: status.operational_mode,
         guard_stop: status.guard_stop,
+        local_control: status.local_control,
         conditions: status.conditions,
         homed: status.homed,
         homing: status.homing,
@@ -364,15 +365,18 @@ const fn is_of_motion(order: &DriverRequest) -> bool {
 /// Whether `order` makes one that waits pointless: another value of the same thing.
 fn replaces(order: &DriverRequest, waiting: &DriverRequest) -> bool {
     match (order, waiting) {
-        (DriverRequest::SetSignal { signal: a, .. }, DriverRequest::SetSignal { signal: b, .. }) => {
-            a == b
-        }
+        (
+            DriverRequest::SetSignal { signal: a, .. },
+            DriverRequest::SetSignal { signal: b, .. },
+        ) => a == b,
         (
             DriverRequest::SetParameter { parameter: a, .. },
             DriverRequest::SetParameter { parameter: b, .. },
         ) => a == b,
         (DriverRequest::SetLoad { chain: a, .. }, DriverRequest::SetLoad { chain: b, .. })
-        | (DriverRequest::SetTool { chain: a, .. }, DriverRequest::SetTool { chain: b, .. }) => a == b,
+        | (DriverRequest::SetTool { chain: a, .. }, DriverRequest::SetTool { chain: b, .. }) => {
+            a == b
+        }
         (DriverRequest::SetSpeedRatio(_), DriverRequest::SetSpeedRatio(_)) => true,
         _ => false,
     }

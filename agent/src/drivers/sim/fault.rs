@@ -20,6 +20,7 @@ pub(super) const MAX_NAME: usize = 32;
 ///
 /// As text: `estop`, `estop_button=2`, `estop_fault`, `estop_other`, `estop_release`,
 /// `guard_open=1`, `guard_close=1`, `enabling_hold`, `enabling_release`, `key_switch=auto`,
+/// `local_on`, `local_off`,
 /// `error=17`, `fatal_error=18`, `fatal_clear`, `homing_failure`, `homing_repair`,
 /// `input=DI1:1`, `input=FT1[2]:-9.5`, `silence_ms=500`, `freeze`, `unfreeze`, `drives_off`,
 /// `block_joint=2`, `unblock`, `latency_ms=30`.
@@ -61,6 +62,10 @@ pub enum Fault {
     EnablingRelease,
     /// The key switch is turned; it is never undefined.
     KeySwitch(OperationalMode),
+    /// The pendant takes control: the robot stops, set-points are not taken any more.
+    LocalOn,
+    /// The pendant gives control back.
+    LocalOff,
     /// An error of this number that no reset clears: drives off.
     FatalError(u32),
     /// The cause of the fatal error is gone; the error itself is still to be reset.
@@ -87,7 +92,7 @@ pub enum FaultParseError {
     #[error(
         "{text:?} is not a fault: give estop, estop_button=N, estop_fault, estop_other, \
          estop_release, guard_open=N, guard_close=N, enabling_hold, enabling_release, \
-         key_switch=MODE, error=CODE, fatal_error=CODE, fatal_clear, homing_failure, \
+         key_switch=MODE, local_on, local_off, error=CODE, fatal_error=CODE, fatal_clear, homing_failure, \
          homing_repair, input=NAME:VALUE, silence_ms=MS, freeze, unfreeze, drives_off, \
          block_joint=INDEX, unblock or latency_ms=MS"
     )]
@@ -177,7 +182,7 @@ const MODES: [(&str, OperationalMode); 4] = [
 
 /// Every fault there is but the input; the tags are part of the wire protocol and never reused. A
 /// range holds the numbers of joints, buttons and guards below 256.
-const FORMS: [Form; 22] = [
+const FORMS: [Form; 24] = [
     Form::plain("estop", 1, |_| Fault::EmergencyStop),
     Form::plain("estop_release", 2, |_| Fault::EmergencyStopRelease),
     Form::whole("error", 3, (1, u32::MAX), Fault::ControllerError),
@@ -200,6 +205,8 @@ const FORMS: [Form; 22] = [
     Form::plain("fatal_clear", 20, |_| Fault::FatalClear),
     Form::plain("homing_failure", 21, |_| Fault::HomingFailure),
     Form::plain("homing_repair", 22, |_| Fault::HomingRepair),
+    Form::plain("local_on", 24, |_| Fault::LocalOn),
+    Form::plain("local_off", 25, |_| Fault::LocalOff),
 ];
 
 fn key_switch(number: u32) -> Fault {
@@ -233,6 +240,8 @@ impl Fault {
             Self::FatalClear => (20, 0),
             Self::HomingFailure => (21, 0),
             Self::HomingRepair => (22, 0),
+            Self::LocalOn => (24, 0),
+            Self::LocalOff => (25, 0),
             Self::Input { signal, element, value } => {
                 let number = u32::from(element);
                 return WireFault { tag: INPUT.1, number, value, name: signal };
@@ -397,7 +406,7 @@ mod tests {
             wire(8, 16),
             wire(1, 1),
             wire(0, 0),
-            wire(24, 0),
+            wire(26, 0),
             wire(18, 0),
             wire(18, 5),
             wire(INPUT.1, 0),

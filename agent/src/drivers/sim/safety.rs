@@ -46,6 +46,7 @@ pub(super) struct Safety {
     enabling_held: bool,
     enabling_required: bool,
     mode: OperationalMode,
+    local_control: bool,
     fatal: bool,
 }
 
@@ -60,6 +61,7 @@ impl Safety {
             enabling_held: false,
             enabling_required: config.enabling_switch_required,
             mode: config.operational_mode,
+            local_control: config.local_control,
             fatal: false,
         }
     }
@@ -98,6 +100,14 @@ impl Safety {
 
     pub(super) const fn turn_key(&mut self, mode: OperationalMode) {
         self.mode = mode;
+    }
+
+    pub(super) const fn set_local_control(&mut self, local: bool) {
+        self.local_control = local;
+    }
+
+    pub(super) const fn local_control(&self) -> bool {
+        self.local_control
     }
 
     pub(super) const fn set_fatal(&mut self, fatal: bool) {

@@ -209,7 +209,9 @@ impl ParameterConfig {
 pub(super) fn number_of(info: &ParameterInfo) -> Option<f64> {
     match (info.parameter_type, &info.default) {
         (ParameterType::Bool, SignalValue::Bool(on)) => Some(f64::from(u8::from(*on))),
-        (ParameterType::Number | ParameterType::Integer, SignalValue::Number(value)) => Some(*value),
+        (ParameterType::Number | ParameterType::Integer, SignalValue::Number(value)) => {
+            Some(*value)
+        }
         (ParameterType::Choice, SignalValue::Text(text)) => {
             info.choices.iter().position(|choice| choice == text).map(|place| place as f64)
         }
@@ -295,15 +297,8 @@ pub(super) fn parameter_infos(parameters: &[ParameterConfig]) -> Vec<ParameterIn
 }
 
 pub(super) fn check_signals(signals: &[SignalConfig]) -> Result<(), Problem> {
-    let mut values = 0;
-    for (index, signal) in signals.iter().enumerate() {
-        let at = |problem: Problem| problem.under(&index.to_string()).under("signals");
-        signal.check().map_err(at)?;
-        if signals.iter().take(index).any(|earlier| earlier.name == signal.name) {
-            return Err(at(Problem::new("name", format!("{:?} is given twice", signal.name))));
-        }
-        values += usize::from(signal.size());
-    }
+    check_each("signals", signals, |signal| &signal.name, SignalConfig::check)?;
+    let values: usize = signals.iter().map(|signal| usize::from(signal.size())).sum();
     if values > MAX_SIGNAL_VALUES {
         let text = format!("{values} values together, above the limit {MAX_SIGNAL_VALUES}");
         return Err(Problem::new("signals", text));
@@ -312,16 +307,27 @@ pub(super) fn check_signals(signals: &[SignalConfig]) -> Result<(), Problem> {
 }
 
 pub(super) fn check_parameters(parameters: &[ParameterConfig]) -> Result<(), Problem> {
-    for (index, parameter) in parameters.iter().enumerate() {
-        let at = |problem: Problem| problem.under(&index.to_string()).under("parameters");
-        parameter.check().map_err(at)?;
-        if parameters.iter().take(index).any(|earlier| earlier.name == parameter.name) {
-            return Err(at(Problem::new("name", format!("{:?} is given twice", parameter.name))));
-        }
-    }
+    check_each("parameters", parameters, |parameter| &parameter.name, ParameterConfig::check)?;
     if parameters.len() > MAX_PARAMETERS {
         let text = format!("{}, above the limit {MAX_PARAMETERS}", parameters.len());
         return Err(Problem::new("parameters", text));
+    }
+    Ok(())
+}
+
+/// Checks each entry of a list, and that no name is given twice.
+fn check_each<T>(
+    list: &str,
+    entries: &[T],
+    name: impl Fn(&T) -> &str,
+    check: impl Fn(&T) -> Result<(), Problem>,
+) -> Result<(), Problem> {
+    for (index, entry) in entries.iter().enumerate() {
+        let at = |problem: Problem| problem.under(&index.to_string()).under(list);
+        check(entry).map_err(at)?;
+        if entries.iter().take(index).any(|earlier| name(earlier) == name(entry)) {
+            return Err(at(Problem::new("name", format!("{:?} is given twice", name(entry)))));
+        }
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ mod modes;
 mod prepare;
 mod program;
 mod recording;
+mod reset;
 mod trajectory;
 mod values;
 mod wait;
@@ -37,6 +38,7 @@ use super::equipment::SharedEquipment;
 use super::motion_log::queued;
 use super::recordings::Recorder;
 use super::stop_gate::StopGate;
+use super::stop_keeper::StopKeeper;
 use crate::control::{Granted, LoopRequest, Order, Params};
 use crate::drivers::Abilities;
 
@@ -63,6 +65,9 @@ pub(super) struct Requests {
     /// Held while a single move is planned and handed over.
     pub(super) planning: tokio::sync::Mutex<()>,
     pub(super) boot_id: Uuid,
+    pub(super) keeper: Arc<StopKeeper>,
+    /// Held by a reset.
+    pub(super) resetting: tokio::sync::Mutex<()>,
     /// None if nothing is recorded.
     pub(super) recorder: Option<Recorder>,
 }

@@ -1,12 +1,9 @@
-//! Mode, drives, faults and stops.
+//! Mode, drives and faults.
 
 use std::time::Duration;
 
-use armada_protocol::messages::{
-    Denial, DenialCode, Empty, HaltAnswer, ModeAnswer, ResetAnswer, ResetParams, SetModeParams,
-};
+use armada_protocol::messages::{Denial, Empty, HaltAnswer, ModeAnswer, SetModeParams};
 use armada_protocol::method::{Method, robot};
-use uuid::Uuid;
 
 use super::{Asker, LOOP_PATIENCE, Requests};
 use crate::control::{Granted, Order};
@@ -51,46 +48,4 @@ impl Requests {
     pub(in crate::runtime) async fn halt(&self) -> Result<HaltAnswer, Denial> {
         self.halt_by(Asker::agent(), Empty {}).await
     }
-
-    pub(super) async fn reset(&self, _: Asker, params: ResetParams) -> Result<ResetAnswer, Denial> {
-        let mut cleared_count = self.cleared.clone();
-        cleared_count.mark_unchanged();
-        let cleared = {
-            let mut board = self.board.lock();
-            let Some(record) = &board.stop else {
-                let epoch = board.snapshot.epoch;
-                return Ok(ResetAnswer { cleared: Vec::new(), epoch });
-            };
-            let latched: Vec<Uuid> = record.stops.iter().map(|s| s.stop.stop_id).collect();
-            let missing: Vec<&Uuid> =
-                latched.iter().filter(|id| !params.stop_ids.contains(id)).collect();
-            if !missing.is_empty() {
-                return Err(unlisted(&missing));
-            }
-            if !self.gate.open(record.gate_count) {
-                return Err(board
-                    .vocabulary
-                    .stopped(record.level)
-                    .with("why", "a new stop came in"));
-            }
-            board.stop = None;
-            board.stages.clear();
-            latched
-        };
-        let waited = tokio::time::timeout(LOOP_PATIENCE, cleared_count.changed()).await;
-        if !matches!(waited, Ok(Ok(()))) {
-            return Err(Denial::new(DenialCode::Timeout, "the control loop does not answer"));
-        }
-        Ok(ResetAnswer { cleared, epoch: self.board.lock().snapshot.epoch })
-    }
-}
-
-fn unlisted(missing: &[&Uuid]) -> Denial {
-    let ids: Vec<String> = missing.iter().map(ToString::to_string).collect();
-    Denial::new(
-        DenialCode::InvalidArgument,
-        format!("the reset must list every latched stop, it lacks {}", ids.join(", ")),
-    )
-    .with("field", "stop_ids")
-    .with("missing", ids)
 }

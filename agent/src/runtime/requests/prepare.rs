@@ -13,6 +13,7 @@ use uuid::Uuid;
 use super::{Asker, Requests, check_new};
 use crate::control::{FollowOrder, Refusal};
 use crate::runtime::clock::monotonic;
+use crate::runtime::leases::check_may_move;
 
 /// How long a prepared motion is kept for its commit.
 const PREPARED_TTL: Duration = Duration::from_secs(5);
@@ -110,11 +111,8 @@ impl Requests {
         if let Some(level) = self.gate.level() {
             return refuse(Refusal::Stopped(level));
         }
-        if let Some(held) = snapshot.lease.filter(|held| !held.stale)
-            && asker.lease != Some(held.lease)
-        {
-            let left = held.deadline.saturating_since(monotonic());
-            return refuse(Refusal::LeaseRequired { remaining_s: left.as_secs_f64() });
+        if let Err(refusal) = check_may_move(snapshot, asker.lease, monotonic()) {
+            return refuse(refusal);
         }
         if let Some(fault) = board.faults.first() {
             return refuse(Refusal::Faulted(fault.code));

@@ -1,9 +1,9 @@
 //! Single moves to a goal, planned here or by the controller.
 
-use armada_model::{JointLimits, JointVector, MotionLimits};
+use armada_model::{JointVector, MotionLimits};
 use armada_protocol::messages::{
     Accepted, ActionStatus, CommandMode, Denial, DenialCode, Executor, MotionKind, MoveExecutor,
-    MoveHomeParams, MoveJointParams, MoveOptions, MovePoseParams, OperationalMode, Queue,
+    MoveHomeParams, MoveJointParams, MoveOptions, MovePoseParams, Queue,
 };
 use uuid::Uuid;
 
@@ -12,6 +12,7 @@ use crate::control::{DelegateOrder, FollowOrder, Order, Refusal};
 use crate::drivers::{DelegatedGoal, DelegatedMove};
 use crate::moves::{MoveGoal, MovePlan, MovePlanner, SingleMove};
 use crate::runtime::connected::{Collection, MAX_CONNECTED};
+use crate::runtime::leases::check_may_move;
 
 /// A move as it was asked for.
 struct Wanted {
@@ -103,10 +104,7 @@ impl Requests {
         };
         match options.executor {
             MoveExecutor::Agent => Ok(false),
-            MoveExecutor::Auto => {
-                let is_plain = !is_collecting && options.queue == Queue::Refuse;
-                Ok(can && is_plain && self.params.delegates)
-            }
+            MoveExecutor::Auto => Ok(can && !is_collecting && self.params.delegates),
             MoveExecutor::Controller if !can => {
                 refuse(format!("the controller makes no {what} of its own"))
             }
@@ -142,7 +140,11 @@ impl Requests {
         };
         let executor = Executor::Controller;
         let motion = NewMotion { id, kind, executor, duration_s: 0.0, waypoint_count: 0 };
-        self.start(asker, motion, Order::Delegate(order)).await
+        let accepted = self.start(asker, motion, Order::Delegate(order)).await?;
+        if let MoveGoal::Joint(end) = wanted.goal {
+            self.board.lock().connected.note_end(id, end);
+        }
+        Ok(accepted)
     }
 
     async fn plan_here(&self, asker: &Asker, wanted: &Wanted) -> Result<Accepted, Denial> {
@@ -205,12 +207,8 @@ impl Requests {
             if mode != needed {
                 return Err(board.vocabulary.denial(&Refusal::WrongMode { mode, needed }));
             }
-            let other = snapshot.lease.filter(|held| Some(held.lease) != asker.lease);
-            if let Some(held) = other.filter(|held| !held.stale) {
-                let left = held.deadline.saturating_since(snapshot.stamp);
-                let refusal = Refusal::LeaseRequired { remaining_s: left.as_secs_f64() };
-                return Err(board.vocabulary.denial(&refusal));
-            }
+            check_may_move(snapshot, asker.lease, snapshot.stamp)
+                .map_err(|refusal| board.denial(&refusal))?;
         }
         let Some(first) = collected.as_ref() else {
             return Ok(None);
@@ -277,21 +275,9 @@ impl Requests {
 
     /// The limits, reduced where the key switch says so or nobody knows where it stands.
     pub(super) fn limits_of_moves(&self) -> MotionLimits {
-        let reduced = matches!(
-            self.board.lock().snapshot.operational_mode,
-            OperationalMode::ManualReducedSpeed | OperationalMode::Undefined
-        );
-        if !reduced {
-            return self.limits;
-        }
-        let each = self.params.limits.iter().zip(&self.params.reduced).map(|(limits, reduced)| {
-            JointLimits {
-                velocity: limits.velocity.min(reduced.velocity),
-                acceleration: limits.acceleration.map(|a| a.min(reduced.acceleration)),
-                ..*limits
-            }
-        });
-        MotionLimits::new(&each.collect::<Vec<_>>()).unwrap_or(self.limits)
+        let mode = self.board.lock().snapshot.operational_mode;
+        // Never refused: the loop was made of the same limits.
+        self.params.limits_in(mode).unwrap_or(self.limits)
     }
 
     /// Cancels a move that is a part of a motion, or collected to become one; `None` if it is

@@ -68,6 +68,12 @@ refusals! {
     Refusal::LeaseStale => Refusal::LeaseStale, LeaseStale;
     Refusal::LeaseLost => Refusal::LeaseLost, LeaseStale;
     Refusal::LeaseTaken => Refusal::LeaseTaken, LeaseRequired;
+    Refusal::LocalControl => Refusal::LocalControl, LeaseRequired;
+    Refusal::RoleTooLow { .. } => Refusal::RoleTooLow { needed: Role::Operator }, LeaseRequired;
+    Refusal::ScopeTooNarrow { .. } =>
+        Refusal::ScopeTooNarrow { scope: LeaseScope::Io, needed: LeaseScope::Arm }, LeaseRequired;
+    Refusal::DelegatedAlready => Refusal::DelegatedAlready, LeaseRequired;
+    Refusal::TooManyDelegates { .. } => Refusal::TooManyDelegates { limit: 8 }, Busy;
     Refusal::OperationalMode(_) => Refusal::OperationalMode(OperationalMode::Auto), WrongMode;
     Refusal::OperationalModeChanged => Refusal::OperationalModeChanged, WrongMode;
     Refusal::QueueFull { .. } => Refusal::QueueFull { limit: 16 }, Busy;
@@ -144,6 +150,7 @@ fn every_fault_says_what_when_where_and_what_to_do() {
         FaultCode::TrackingError,
         FaultCode::VelocityError,
         FaultCode::HomingFailed,
+        FaultCode::StopIgnored,
         FaultCode::LoopError,
     ] {
         let stamp = MonoTime::from_nanos(7);
@@ -161,8 +168,11 @@ fn every_fault_says_what_when_where_and_what_to_do() {
 
 #[test]
 fn whoever_is_refused_for_a_lease_learns_who_holds_it_and_for_how_long() {
-    let denial = vocabulary().driven_by("planner-2", 3.2);
+    let denial = vocabulary().driven_by(("planner-2", Role::Program), 3.2);
     assert_eq!(denial.message, "left_arm is driven by planner-2 for another 3.2 s");
     assert_eq!(denial.details["holder"], "planner-2");
+    let person = vocabulary().driven_by(("anna", Role::Supervisor), 0.4);
+    assert_eq!(person.message, "left_arm is driven by anna (supervisor) for another 0.4 s");
+    assert_eq!(person.details["role"], "supervisor");
     assert_eq!(denial.details["remaining_ms"], 3200.0);
 }

@@ -206,6 +206,7 @@ async fn serve_agent(
         connect: Some(connect),
         namespace: None,
         insecure_lan: false,
+        state_dir: None,
     };
     let agent = Agent::start_measured(options, logs).await?;
     let scheduling = agent.realtime().next().map(|(_, how)| how.to_string());

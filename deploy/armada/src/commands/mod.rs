@@ -19,6 +19,7 @@ pub(crate) mod reset;
 pub(crate) mod run;
 pub(crate) mod status;
 pub(crate) mod stop;
+pub(crate) mod stop_button;
 pub(crate) mod tool;
 mod typed_value;
 pub(crate) mod up;
@@ -72,6 +73,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Exit> {
         Command::Run(args) => block_on(run::run(args)),
         Command::Halt(args) => block_on(modes::run_on_robots::<Halt>(args)),
         Command::Stop(args) => block_on(stop::run(args)),
+        Command::StopButton(args) => block_on(stop_button::run(args)),
         Command::Reset(args) => block_on(reset::run(args)),
         Command::Mode(args) => block_on(modes::run_mode(args)),
         Command::Enable(args) => block_on(modes::run_on_robots::<Enable>(args)),

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use armada_protocol::messages::{ActionStatus, Denial, DenialCode, StopScope};
+use armada_protocol::messages::{ActionStatus, CellResetParams, Denial, DenialCode, StopScope};
 use proptest::prelude::*;
 use uuid::Uuid;
 
@@ -79,7 +79,9 @@ fn play(script: Vec<(Op, u64)>, fates: Vec<Fate>) -> (Bench, Vec<Ticket>) {
                 }
                 bench.feed(Input::CellStop(request));
             }
-            Op::Reset => tickets.push(bench.request(CellRequest::Reset { robots: Vec::new() })),
+            Op::Reset => {
+                tickets.push(bench.request(CellRequest::Reset(CellResetParams::default())))
+            }
             Op::Die(robot) => bench.vanish(robot),
             Op::Restart(robot) => bench.appear(robot, next),
             Op::Fault(robot) => {

@@ -1,8 +1,8 @@
 //! Stops and resets of the cell.
 
 use armada_protocol::messages::{
-    ActionStatus, CellVerdict, DenialCode, EventKind, Severity, StopReport, StopScope, StopStage,
-    StopVerdict,
+    ActionStatus, CellResetParams, CellVerdict, DenialCode, EventKind, ResetParams, Severity,
+    StopReport, StopScope, StopStage, StopVerdict,
 };
 
 use super::bench::{Bench, Fate, ms, name, stop_request};
@@ -143,7 +143,7 @@ fn a_reset_clears_what_each_robot_says_is_latched() {
     stop(&mut bench, 10, StopScope::Robots(vec![name("left")]));
     bench.run(ms(1_000));
     bench.vanish("torso");
-    let ticket = bench.request(CellRequest::Reset { robots: Vec::new() });
+    let ticket = bench.request(CellRequest::Reset(CellResetParams::default()));
     bench.run(ms(100));
     let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
     let cleared: Vec<_> =
@@ -164,7 +164,8 @@ fn a_reset_reports_per_robot_what_went_wrong() {
     bench.agent("left").stop(&stop_request(3, StopScope::Cell), now);
     bench.agents.remove(&name("right"));
     let robots = ["left", "right", "torso", "nobody"].map(name).to_vec();
-    let ticket = bench.request(CellRequest::Reset { robots });
+    let ticket =
+        bench.request(CellRequest::Reset(CellResetParams { robots, ..Default::default() }));
     bench.run(ms(1_100));
     let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
     let cleared: Vec<_> =
@@ -185,4 +186,42 @@ fn a_stop_works_when_half_of_the_messages_are_lost() {
     for robot in ["left", "right", "torso"] {
         assert!(bench.agent(robot).status.stop.is_some(), "{robot}");
     }
+}
+
+#[test]
+fn a_robot_that_is_not_known_to_stand_is_asked_once_more_one_level_harder() {
+    let mut bench = Bench::new();
+    bench.agents.remove(&name("right"));
+    let asked = stop_request(9, StopScope::Cell);
+    let ticket = stop(&mut bench, 9, StopScope::Cell);
+    bench.run(ms(4_100));
+    assert_eq!(report(&bench, ticket).verdict, StopVerdict::Incomplete);
+    let last = bench.actions.iter().rev().find_map(|(_, action)| match action {
+        Action::PublishStop(request) => Some(request),
+        _ => None,
+    });
+    let last = last.expect("published");
+    assert_eq!(Some(last.level), asked.level.harder());
+    assert_eq!(last.stop_id, asked.stop_id, "the same stop");
+    assert_eq!(last.scope, StopScope::Robots(vec![name("right")]), "the others stand");
+}
+
+#[test]
+fn a_signed_reset_is_passed_on_as_it_is() {
+    let mut bench = Bench::new();
+    stop(&mut bench, 9, StopScope::Cell);
+    bench.run(ms(1_000));
+    let stop_ids = vec![stop_request(9, StopScope::Cell).stop_id];
+    let signature = Some("00ff".to_owned());
+    let params = ResetParams { stop_ids, nonce: uuid::Uuid::from_u128(4), signature };
+    let signed = [(name("left"), params.clone())].into();
+    let robots = vec![name("right")];
+    let ticket = bench.request(CellRequest::Reset(CellResetParams { robots, signed }));
+    bench.run(ms(100));
+    let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
+    let reset: Vec<_> = answer.reset.iter().map(|(robot, _)| robot.as_str()).collect();
+    assert_eq!(reset, ["left", "right"]);
+    let calls: Vec<_> = bench.asked("left").map(|(_, call)| call.clone()).collect();
+    assert!(calls.contains(&AgentCall::Reset(Box::new(params))), "{calls:?}");
+    assert!(bench.agent("torso").status.stop.is_some(), "nobody asked for it");
 }

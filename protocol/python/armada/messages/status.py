@@ -69,6 +69,8 @@ class FaultCode(OpenEnum):
     """Measured and commanded speed went further apart than a waypoint allows."""
     HOMING_FAILED = "homing_failed"
     """The controller failed to home."""
+    STOP_IGNORED = "stop_ignored"
+    """The controller went on with a motion of its own that it was asked to end."""
     LOOP_ERROR = "loop_error"
     """The control loop itself failed."""
 

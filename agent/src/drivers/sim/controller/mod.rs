@@ -132,11 +132,13 @@ impl Controller {
         })
     }
 
-    /// Begins to switch the drives on, unless an error, a stop or the enabling switch forbids it.
+    /// Begins to switch the drives on, unless an error, a stop, the pendant or the enabling switch
+    /// forbids it.
     pub(super) fn power_on(&mut self, now: MonoTime) {
         let forbidden = self.error != 0
             || self.safety.emergency_stop()
             || self.safety.guard_stop()
+            || self.safety.local_control()
             || !self.safety.is_enabled_by_hand();
         if self.power == Power::Off && !forbidden {
             self.power = Power::Starting { done: now + self.enable_time };
@@ -206,6 +208,19 @@ impl Controller {
             self.safety.turn_key(mode);
             self.stop_own_motion();
         }
+    }
+
+    /// Gives control to the pendant, which stops the robot, or takes it back.
+    pub(super) fn set_local_control(&mut self, local: bool) {
+        self.safety.set_local_control(local);
+        if local {
+            self.stop_controlled(error_code::INTERRUPTED);
+        }
+    }
+
+    /// Whether the pendant has control.
+    pub(super) const fn local_control(&self) -> bool {
+        self.safety.local_control()
     }
 
     /// Holds the enabling switch, or lets it go.
@@ -289,7 +304,8 @@ impl Controller {
 
     /// Commands are taken.
     pub(super) fn ready(&self) -> bool {
-        self.enabled() && self.error == 0 && !self.safety.guard_stop()
+        let free = !self.safety.guard_stop() && !self.safety.local_control();
+        self.enabled() && self.error == 0 && free
     }
 
     /// The error in force; 0 for none.

@@ -7,6 +7,7 @@ mod link;
 mod motion;
 mod moves;
 mod safety;
+mod session;
 mod stories;
 mod wire;
 

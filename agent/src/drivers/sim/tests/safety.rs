@@ -120,3 +120,32 @@ fn a_fatal_error_outlives_every_reset_until_its_cause_is_gone() {
     pair.enable();
     assert_eq!(pair.feedback().error_code, 0);
 }
+
+#[test]
+fn the_pendant_stops_the_robot_and_keeps_others_out_until_it_gives_control_back() {
+    let mut pair = Pair::enabled(quiet());
+    pair.accelerate_to(0.5);
+    assert!(pair.inject("local_on"));
+    pair.run(0.5);
+    assert!(pair.feedback().local_control && pair.feedback().enabled && !pair.feedback().ready);
+    assert!(!pair.feedback().guard_stop && !pair.feedback().emergency_stop);
+    assert_eq!(pair.feedback().error_code, 0, "no error and no stop");
+    let rest = pair.position();
+    pair.command(0.1, |_| [(0.0, 0.0), (0.0, 0.0)]);
+    assert_eq!(pair.position(), rest, "set-points are not taken");
+    pair.request(DriverRequest::Disable);
+    pair.run(0.5);
+    pair.request(DriverRequest::Enable);
+    pair.run(0.5);
+    assert!(!pair.feedback().enabled, "off goes always, on does not");
+    assert!(pair.inject("local_off"));
+    pair.enable();
+    assert!(!pair.feedback().local_control && pair.feedback().ready);
+}
+
+#[test]
+fn the_pendant_may_have_control_from_the_start() {
+    let mut pair = Pair::new(EmulatorConfig { local_control: true, ..quiet() });
+    pair.run(0.1);
+    assert!(pair.feedback().local_control && !pair.feedback().enabled);
+}

@@ -128,7 +128,7 @@ fn statuses() -> impl Strategy<Value = Status> {
     });
     let ids = any::<(u64, u64, u32, u32, u32, u32)>();
     let more = (reports(), values(), values(), tips(), conditions);
-    (ids, any::<(bool, bool, bool, bool)>(), mode, vectors, any::<(u16, u16)>(), more)
+    (ids, any::<(bool, bool, bool, bool, bool)>(), mode, vectors, any::<(u16, u16)>(), more)
         .prop_map(|(numbers, flags, operational_mode, vectors, sets, more)| Status {
             time_ns: numbers.0,
             last_command: numbers.1,
@@ -139,6 +139,7 @@ fn statuses() -> impl Strategy<Value = Status> {
             ready: flags.1,
             emergency_stop: flags.2,
             guard_stop: flags.3,
+            local_control: flags.4,
             conditions: more.4,
             operational_mode,
             error: numbers.5,
@@ -266,7 +267,7 @@ fn body_bytes(body: &Body) -> Vec<u8> {
     let mut buffer = [0; MAX_PACKET];
     let len = encode(&header, body, &mut buffer);
     let (kind, length) = (buffer[5], len as u8);
-    let mut expected = vec![b'A', b'S', b'I', b'M', 2, kind, length, (len >> 8) as u8];
+    let mut expected = vec![b'A', b'S', b'I', b'M', 3, kind, length, (len >> 8) as u8];
     expected.extend([2, 1, 0, 0, 0, 0, 0, 0, 4, 3, 0, 0, 0, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!(&buffer[..32], &expected);
     buffer[32..len].to_vec()
@@ -354,6 +355,7 @@ fn status(joints: usize, signals: usize, parameters: usize, tips: usize) -> Stat
         ready: false,
         emergency_stop: false,
         guard_stop: true,
+        local_control: true,
         conditions: RobotFlags::ESTOP_GUARD1,
         operational_mode: OperationalMode::Cobot,
         error: 6,
@@ -378,7 +380,7 @@ fn the_layout_of_the_status_is_the_documented_one() {
     let expected = bytes(&[
         &[1_u8, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0],
         &[3_u8, 0, 0, 0, 4, 0, 0, 0, 5, 0, 0, 0],
-        &[0b1001_u8, 4, 0x80, 0, 0, 0, 6, 0, 0, 0],
+        &[0b1_1001_u8, 4, 0x80, 0, 0, 0, 6, 0, 0, 0],
         &[1_u8, 1, 0, 0, 0],
         &[1.0, 2.0, 3.0],
         &[6_u8, 7, 0, 0, 0, 8, 0, 0, 0],

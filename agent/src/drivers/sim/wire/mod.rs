@@ -1,4 +1,4 @@
-//! Packets between the `sim` driver and the emulated controller: version 2, little endian.
+//! Packets between the `sim` driver and the emulated controller: version 3, little endian.
 //!
 //! One datagram is one packet: a header of 32 bytes, then the body that its kind gives.
 //!
@@ -13,7 +13,8 @@
 //!                      order id u32, order (one byte 0 if the id is 0)
 //! 4 status         <-  time u64 [ns], last command u64, last power id u32, last reset id u32,
 //!                      last order id u32,
-//!                      flags u8 (1 enabled 2 ready 4 emergency stop 8 guard stop),
+//!                      flags u8 (1 enabled 2 ready 4 emergency stop 8 guard stop
+//!                      16 local control),
 //!                      operational mode u8, conditions u32, error u32,
 //!                      joints u8, homed u16, homing u16, positions, velocities, efforts n f64 each,
 //!                      move u8 (0 none, else its status: 1 waiting 2 running 3 paused 4 done
@@ -72,7 +73,7 @@ use status::{read_status, write_status};
 /// First bytes of every packet.
 const MAGIC: [u8; 4] = *b"ASIM";
 /// Version of the layout above.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 /// Largest size of a position, speed or effort \[SI\]; far above any robot, far below overflow.
 pub const MAX_VALUE: f64 = 1e6;
 
@@ -160,6 +161,8 @@ pub struct Status {
     pub emergency_stop: bool,
     /// A guard is open, or was and is not reset.
     pub guard_stop: bool,
+    /// The pendant has control.
+    pub local_control: bool,
     /// Which button or guard, of [`Feedback::CONDITIONS`](crate::drivers::Feedback::CONDITIONS).
     pub conditions: RobotFlags,
     /// Where the key switch stands.

@@ -17,7 +17,8 @@ pub(super) fn write_status(status: &Status, out: &mut Writer<'_>) -> Option<()> 
     let flags = u8::from(status.enabled)
         | u8::from(status.ready) << 1
         | u8::from(status.emergency_stop) << 2
-        | u8::from(status.guard_stop) << 3;
+        | u8::from(status.guard_stop) << 3
+        | u8::from(status.local_control) << 4;
     out.put(&[flags, mode_to_wire(status.operational_mode)])?;
     out.u32(u32::try_from(status.conditions.bits()).ok()?)?;
     out.u32(status.error)?;
@@ -39,7 +40,7 @@ pub(super) fn read_status(reader: &mut Reader<'_>) -> Result<Status, WireError> 
     let last_power_id = reader.u32()?;
     let last_reset_id = reader.u32()?;
     let last_order_id = reader.u32()?;
-    let flags = reader.flags(0b1111, "flags")?;
+    let flags = reader.flags(0b1_1111, "flags")?;
     let operational_mode = mode_from_wire(reader.u8()?)?;
     let conditions = conditions(reader.u32()?)?;
     let error = reader.u32()?;
@@ -54,6 +55,7 @@ pub(super) fn read_status(reader: &mut Reader<'_>) -> Result<Status, WireError> 
         ready: flags & 2 != 0,
         emergency_stop: flags & 4 != 0,
         guard_stop: flags & 8 != 0,
+        local_control: flags & 16 != 0,
         conditions,
         operational_mode,
         error,

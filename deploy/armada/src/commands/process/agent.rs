@@ -10,6 +10,7 @@ use tracing::info;
 use super::{ParentArgs, end_or_signal};
 use crate::exit::Exit;
 use crate::signals::Signals;
+use crate::state_dir;
 
 /// Arguments of `armada agent`.
 #[derive(Args, Debug)]
@@ -22,7 +23,8 @@ An agent closes the control loop of a robot's controller and speaks Zenoh for it
 share one agent: each has a control loop of its own and none depends on another, but they share the
 process and its Zenoh session, whose endpoints are those of all files. Agents of one cell should be linked to each other, each pair by one side only (by custom the smaller name dials),
 so that a stop reaches all of them without the gateway; `armada up` does that.
-On Ctrl-C or SIGTERM it ramps all its robots to standstill before it ends.")]
+On Ctrl-C or SIGTERM it ramps all its robots to standstill before it ends.
+A stop stays latched over a restart. An agent that follows one which died begins stopped.")]
 pub(crate) struct AgentArgs {
     /// Robot file; several for robots that share the agent
     #[arg(value_name = "ROBOT.yaml", required = true, value_hint = ValueHint::FilePath)]
@@ -40,6 +42,10 @@ pub(crate) struct AgentArgs {
     /// can command the robot
     #[arg(long)]
     insecure_lan: bool,
+    /// Folder in which latched stops are kept while the agent does not run, so that they outlive it
+    /// [default: $XDG_STATE_HOME/armada, else ~/.local/state/armada]
+    #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    state_dir: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) parent: ParentArgs,
 }
@@ -54,6 +60,7 @@ pub(crate) async fn run(args: AgentArgs) -> anyhow::Result<Exit> {
         connect: some(args.connect),
         namespace: args.namespace,
         insecure_lan: args.insecure_lan,
+        state_dir: Some(state_dir::or_default(args.state_dir)?),
     })
     .await
     .context("the agent cannot start")?;

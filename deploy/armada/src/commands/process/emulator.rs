@@ -64,7 +64,7 @@ enum EmulatorCommand {
         ///
         /// Emergency stop: estop, estop_button=1..4, estop_fault, estop_other, estop_release.
         /// Guards and switches: guard_open=1..4, guard_close=1..4, enabling_hold, enabling_release,
-        /// key_switch=MODE (manual_reduced_speed, manual_full_speed, auto, cobot).
+        /// key_switch=MODE (manual_reduced_speed, manual_full_speed, auto, cobot), local_on, local_off.
         /// Errors: error=CODE, fatal_error=CODE, fatal_clear, homing_failure, homing_repair,
         /// drives_off, block_joint=INDEX, unblock.
         /// Inputs: input=NAME:VALUE, or `input=NAME[ELEMENT]:VALUE` of one with several values.

@@ -207,6 +207,8 @@ fn agent_args(cell: &Cell, index: usize, insecure_lan: bool) -> Option<(String, 
         robot.file.clone().into(),
         "--listen".into(),
         (&robot.endpoint).into(),
+        "--state-dir".into(),
+        cell.state_dir.clone().into(),
     ];
     // Agents are linked to each other so that a stop needs no gateway; the smaller name dials.
     let partners = cell.config.robots.iter().filter(|other| other.name > robot.name);
@@ -281,7 +283,8 @@ mod tests {
                     a: {file: a.yaml, endpoint: tcp/127.0.0.1:1}\n";
         let path = PathBuf::from("cell.yaml");
         let config = armada_gateway::config::CellConfig::parse(text, &path).expect("valid");
-        let cell = Cell { path, config, vendors: vec!["sim", "sim"], demo: None };
+        let (state_dir, vendors) = (PathBuf::from("state"), vec!["sim", "sim"]);
+        let cell = Cell { path, config, vendors, state_dir, demo: None };
         let dialled = |index| {
             let (_, args) = agent_args(&cell, index, false).expect("a robot");
             let text: Vec<_> = args.iter().map(|arg| arg.to_string_lossy().into_owned()).collect();

@@ -69,6 +69,10 @@ pub(crate) struct UpArgs {
     /// can command the robots
     #[arg(long)]
     insecure_lan: bool,
+    /// Folder below which each cell keeps its latched stops
+    /// [default: $XDG_STATE_HOME/armada, else ~/.local/state/armada]
+    #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    state_dir: Option<PathBuf>,
 }
 
 /// How the cell was left.

@@ -12,6 +12,7 @@ use super::UpArgs;
 use crate::commands::process::emulator;
 use crate::commands::run::Plan;
 use crate::exit::UsageError;
+use crate::state_dir;
 
 /// A cell whose files are valid and whose ports are free.
 #[derive(Debug)]
@@ -22,6 +23,8 @@ pub(super) struct Cell {
     pub(super) config: CellConfig,
     /// Vendor of each robot, in the order of the cell file.
     pub(super) vendors: Vec<&'static str>,
+    /// Where its agents keep latched stops.
+    pub(super) state_dir: PathBuf,
     /// The motion to run again and again.
     pub(super) demo: Option<Plan>,
 }
@@ -64,7 +67,9 @@ pub(super) fn check(args: &UpArgs) -> anyhow::Result<Cell> {
         return Err(UsageError(in_words(&problems)).into());
     }
     let vendors = robots.iter().map(|robot| robot.config.driver.vendor()).collect();
-    Ok(Cell { path, config, vendors, demo })
+    let state_dir = state_dir::or_default(args.state_dir.clone())?;
+    let state_dir = std::path::absolute(state_dir::of_cell(&state_dir, &config.cell))?;
+    Ok(Cell { path, config, vendors, state_dir, demo })
 }
 
 fn in_words(problems: &[String]) -> String {
@@ -153,6 +158,7 @@ mod tests {
             log_dir: None,
             ready_timeout: Duration::from_secs(1),
             insecure_lan: false,
+            state_dir: Some(cell.with_extension("state")),
         }
     }
 

@@ -1,0 +1,240 @@
+//! The desk's part in stops: recorded, acknowledged, kept. The gate is closed long before.
+
+use std::time::Duration;
+
+use armada_model::MonoTime;
+use armada_protocol::client::{Client, StopOptions};
+use armada_protocol::messages::{
+    EventKind, LatchedStop, Severity, StopAck, StopLevel, StopRequest, StopScope, StopStage,
+    StopVerdict,
+};
+use serde_json::json;
+use tracing::{debug, info, warn};
+use uuid::Uuid;
+
+use super::board::Board;
+use super::clock::monotonic;
+use super::desk::{Desk, map};
+use super::stop_gate::Closing;
+use super::stop_intake::IncomingStop;
+use super::stop_latch::{CONTROLLER, ReceivedStop, StopRecord, untold_stop};
+
+/// How long the whole cell gets to stand still when an emergency stop of one robot stops it.
+const CELL_PATIENCE: Duration = Duration::from_secs(5);
+
+impl Desk {
+    /// Records a stop whose gate is closed already, and acknowledges what has been reached.
+    pub(super) async fn take_stop(&mut self, stop: IncomingStop) {
+        let IncomingStop { request, received, closing, readable, query } = stop;
+        if !readable {
+            self.board.lock().count_dropped("unreadable_stop");
+        }
+        let latched = LatchedStop {
+            stop_id: request.stop_id,
+            source: request.source,
+            level: request.level,
+            reason: request.reason,
+        };
+        let (acks, is_new) = self.record(latched.clone(), received, closing);
+        if let (Some(query), Some(highest)) = (query, acks.last()) {
+            self.answer(&query, highest).await;
+        }
+        if is_new {
+            self.tell_stop(&latched, received).await;
+        }
+    }
+
+    /// Records the emergency stop of the controller, for which the loop has closed the gate, and
+    /// stops the cell if it is to.
+    pub(super) async fn take_emergency_stop(&mut self, stamp: MonoTime, closing: Closing) {
+        let latched = LatchedStop {
+            stop_id: Uuid::now_v7(),
+            source: CONTROLLER.to_owned(),
+            level: StopLevel::L1,
+            reason: "the emergency stop of the controller was pressed".to_owned(),
+        };
+        self.record(latched.clone(), stamp, closing);
+        if self.estop_stops_cell {
+            self.stop_cell(latched.stop_id);
+        }
+        self.tell_stop(&latched, stamp).await;
+    }
+
+    /// Notes that the loop stops harder, since standstill was not measured in time.
+    pub(super) async fn take_raise(&mut self, stamp: MonoTime, level: StopLevel) {
+        {
+            let mut board = self.board.lock();
+            // What was reached before was reached at the lower level.
+            board.stages.retain(|(_, reached)| *reached >= stamp);
+            let Some(record) = &mut board.stop else { return };
+            record.level = record.level.max(level);
+            (record.stage, record.nonce) = (StopStage::Received, Uuid::new_v4());
+            self.keeper.keep(board.kept());
+        }
+        warn!(?level, "no standstill in time: stopping harder");
+        let message = format!("no standstill was measured in time: stop raised to {level:?}");
+        let details = map(json!({ "level": level }));
+        self.event(stamp, Severity::Error, EventKind::Stop, message, details).await;
+    }
+
+    pub(super) async fn take_stage(&mut self, stamp: MonoTime, stage: StopStage) {
+        let acks = {
+            let mut board = self.board.lock();
+            board.stages.push((stage, stamp));
+            match &mut board.stop {
+                Some(record) => {
+                    record.stage = stage;
+                    let stops = record.stops.clone();
+                    stops.iter().map(|stop| ack(&board, stop, stage, stamp)).collect::<Vec<_>>()
+                }
+                None => Vec::new(),
+            }
+        };
+        for ack in &acks {
+            self.acknowledge(ack);
+        }
+        info!(?stage, "stop");
+        let message = format!("stop reached {stage:?}").to_lowercase();
+        let details = map(json!({ "stage": stage }));
+        self.event(stamp, Severity::Info, EventKind::Stop, message, details).await;
+    }
+
+    /// Records a stop for closings of the gate that nobody has told of for two looks in a row: their
+    /// messages were lost in a flood, and without a record no reset could open the gate again.
+    pub(super) async fn record_untold(&mut self) {
+        let (count, level) = (self.gate.count(), self.gate.level());
+        let told = self.board.lock().stop.as_ref().map(|stop| stop.gate_count);
+        let untold = level.filter(|_| told < Some(count));
+        let seen = std::mem::replace(&mut self.untold, untold.map(|_| count));
+        let Some(level) = untold.filter(|_| seen.is_some()) else { return };
+        self.untold = None;
+        let latched = untold_stop(level, "more stops came in than could be written down");
+        let now = monotonic();
+        self.record(latched.clone(), now, Closing { count, raised: false });
+        self.tell_stop(&latched, now).await;
+    }
+
+    /// Writes a stop onto the board, has it kept, and acknowledges what has been reached; returns
+    /// these stages, and whether it was not known before.
+    fn record(
+        &self,
+        latched: LatchedStop,
+        received: MonoTime,
+        closing: Closing,
+    ) -> (Vec<StopAck>, bool) {
+        let mut closing = closing;
+        if self.gate.level().is_none() {
+            // It was opened by a reset that could not know of this stop, which is never lost.
+            closing = self.gate.close(latched.level);
+        }
+        let (acks, is_new) = {
+            let mut board = self.board.lock();
+            let before = board.stop.as_ref().map(|stop| (stop.level, stop.stops.len()));
+            let recorded = record_stop(&mut board, latched, received, closing);
+            let after = board.stop.as_ref().map(|stop| (stop.level, stop.stops.len()));
+            if before != after {
+                self.keeper.keep(board.kept());
+            }
+            recorded
+        };
+        for ack in &acks {
+            self.acknowledge(ack);
+        }
+        (acks, is_new)
+    }
+
+    async fn tell_stop(&mut self, stop: &LatchedStop, received: MonoTime) {
+        let LatchedStop { stop_id, source, level, reason } = stop;
+        warn!(%stop_id, source, ?level, reason, "stop");
+        let message = format!("stop {level:?} by {source}: {reason}");
+        let details = map(json!({ "stop_id": stop_id, "level": level }));
+        self.event(received, Severity::Warning, EventKind::Stop, message, details).await;
+        self.publish_status().await;
+    }
+
+    /// Stops the whole cell because of a stop of this robot, whose own gate is closed already.
+    fn stop_cell(&self, cause: Uuid) {
+        let robot = self.board.lock().vocabulary.robot.clone();
+        let client = Client::on_session(self.session.clone(), robot.as_str());
+        let request = StopRequest {
+            stop_id: Uuid::now_v7(),
+            source: robot.to_string(),
+            level: StopLevel::L1,
+            scope: StopScope::Cell,
+            reason: format!("emergency stop of the controller of {robot} (stop {cause})"),
+            seq: 0,
+        };
+        start(async move {
+            let options = StopOptions { expected: Vec::new(), timeout: CELL_PATIENCE };
+            match client.stop(request, options).await {
+                Ok(report) if report.verdict == StopVerdict::Complete => info!("the cell stands"),
+                Ok(report) => warn!(missing = ?report.missing, "stop of the cell INCOMPLETE"),
+                Err(error) => warn!(%error, "stop of the cell not sent"),
+            }
+        });
+    }
+
+    fn acknowledge(&self, ack: &StopAck) {
+        if let Err(error) = self.stop_acks.put(ack) {
+            debug!(%error, "stop not acknowledged");
+        }
+    }
+}
+
+/// Writes a stop onto the board; returns the stages it has reached, lowest first, and whether it
+/// was not known before.
+fn record_stop(
+    board: &mut Board,
+    latched: LatchedStop,
+    received: MonoTime,
+    closing: Closing,
+) -> (Vec<StopAck>, bool) {
+    if board.stop.is_none() || closing.raised {
+        // Stages of before the closing are of an older stop or a lower level.
+        board.stages.retain(|(_, stamp)| *stamp >= received);
+    }
+    let reached = board.stages.clone();
+    let stage = reached.last().map_or(StopStage::Received, |(stage, _)| *stage);
+    let record = board.stop.get_or_insert_with(|| StopRecord {
+        level: latched.level,
+        stops: Vec::new(),
+        stage,
+        gate_count: closing.count,
+        nonce: Uuid::new_v4(),
+    });
+    record.level = record.level.max(latched.level);
+    record.gate_count = record.gate_count.max(closing.count);
+    record.stage = stage;
+    let known = record.stops.iter_mut().find(|known| known.stop.stop_id == latched.stop_id);
+    let is_new = known.is_none();
+    let stop = if let Some(known) = known {
+        known.stop.level = known.stop.level.max(latched.level);
+        known.clone()
+    } else {
+        let stop = ReceivedStop { stop: latched, received };
+        record.stops.push(stop.clone());
+        record.nonce = Uuid::new_v4();
+        stop
+    };
+    let mut acks = vec![ack(board, &stop, StopStage::Received, stop.received)];
+    for (stage, stamp) in reached {
+        acks.push(ack(board, &stop, stage, stamp.max(stop.received)));
+    }
+    (acks, is_new)
+}
+
+fn ack(board: &Board, stop: &ReceivedStop, stage: StopStage, stamp: MonoTime) -> StopAck {
+    StopAck {
+        stop_id: stop.stop.stop_id,
+        robot: board.vocabulary.robot.clone(),
+        boot_id: board.boot_id,
+        stage,
+        stamp_ns: stamp,
+        since_received_ms: stamp.saturating_since(stop.received).as_secs_f64() * 1e3,
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "the runtime is where tasks are started")]
+fn start(task: impl Future<Output = ()> + Send + 'static) {
+    tokio::spawn(task);
+}
