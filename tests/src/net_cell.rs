@@ -26,8 +26,8 @@ pub struct NetCellOptions {
     pub robots: Vec<&'static str>,
     /// How often each robot publishes its state \[Hz\].
     pub state_rate_hz: u32,
-    /// Text to add to every robot file.
-    pub robot_extra: String,
+    /// What else every robot file says.
+    pub edit_robot: fn(String) -> String,
     /// Text to add to the cell file.
     pub cell_extra: String,
     /// Hosts with nothing on them yet, besides those of the cell.
@@ -40,11 +40,11 @@ impl Default for NetCellOptions {
     /// The two arms, with states every 4 ms.
     fn default() -> Self {
         let robots = vec!["left_arm", "right_arm"];
-        let (robot_extra, cell_extra) = (String::new(), String::new());
+        let (edit_robot, cell_extra) = (std::convert::identity as fn(_) -> _, String::new());
         Self {
             robots,
             state_rate_hz: 250,
-            robot_extra,
+            edit_robot,
             cell_extra,
             hosts: Vec::new(),
             stopped_at_start: false,
@@ -279,7 +279,7 @@ fn write_files(folder: &Path, network: &Network, options: &NetCellOptions) -> Re
         let file = fs::read_to_string(config.join(format!("robots/{robot}.yaml")))?
             .replace("state_rate_hz: 100", &rate)
             .replace("urdf: ", &format!("urdf: {}/robots/", config.display()));
-        fs::write(folder.join(format!("{robot}.yaml")), file + &options.robot_extra)?;
+        fs::write(folder.join(format!("{robot}.yaml")), (options.edit_robot)(file))?;
     }
     cell.push_str(&options.cell_extra);
     fs::write(folder.join("cell.yaml"), cell)?;

@@ -167,8 +167,27 @@ async fn row_03_second_client_commands(bed: &Bed) -> Result<()> {
     assert!(matches!(refused.code, DenialCode::LeaseRequired | DenialCode::LeaseStale));
     let end = bed.end_of(robot, id).await?;
     assert_eq!(end.status, ActionStatus::Complete, "the holder's motion is untouched: {end:#?}");
-    keeper.release().await?;
-    let keeper = second.acquire_lease(robot, Duration::from_secs(2)).await?;
+    // Whoever is a person may take it with a reason: at once, and the holder is told by whom.
+    let mut watch = Watch::of(&bed.client, robot).await?;
+    let id = bed.move_one(&under, robot, 6.0, LeaseLoss::Finish).await?;
+    watch.state_when("it moves", |_| true, |state| speed(state) > 0.1).await?;
+    let asked = monotonic();
+    let ttl = Duration::from_secs(20);
+    let taken = second.take_lease(robot, ttl, Role::Operator, "part is stuck").await?;
+    let of_take =
+        |event: &Event| event.kind == EventKind::Lease && event.message.contains("part is stuck");
+    let revoked = watch.event_when("it is taken", of_take).await?;
+    let bound = PERIOD + Duration::from_millis(20);
+    assert_within("row 3: take to revocation", asked, revoked.stamp_ns, bound);
+    tokio::time::timeout(Duration::from_secs(20), keeper.lost()).await.context("it is told")?;
+    let end = bed.end_of(robot, id).await?;
+    assert_eq!(end.reason.map(|r| r.code), Some(DenialCode::LeaseRequired));
+    watch.assert_ramped();
+    let refused = denial(under.call::<SetMode>(robot, mode).await);
+    assert!(matches!(refused.code, DenialCode::LeaseRequired | DenialCode::LeaseStale));
+    // Or waits until it is given back.
+    taken.release().await?;
+    let keeper = holder.acquire_lease(robot, Duration::from_secs(2)).await?;
     keeper.release().await?;
     holder.close();
     second.close();

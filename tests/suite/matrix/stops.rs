@@ -17,7 +17,7 @@ const SILENCE: Duration = Duration::from_millis(500);
 /// How often the agents look.
 const LOOK: Duration = Duration::from_millis(20);
 /// The button that both arms ask.
-const BUTTON: &str = "\nstop: { sources: [{ name: door_1, level: L1 }] }\n";
+const BUTTON: &str = "stop:\n  sources: [{ name: door_1, level: L1 }]\n";
 
 #[test]
 fn stops_hold_over_lost_buttons_silent_arms_and_restarts() -> Result<()> {
@@ -32,7 +32,7 @@ fn stops_hold_over_lost_buttons_silent_arms_and_restarts() -> Result<()> {
 fn a_stop_button_whose_link_is_lost_stops_its_scope() -> Result<()> {
     in_network("failure matrix, stop button", async |network| {
         let options = NetCellOptions {
-            robot_extra: BUTTON.to_owned(),
+            edit_robot: with_button,
             hosts: vec!["button"],
             stopped_at_start: true,
             ..NetCellOptions::default()
@@ -174,6 +174,14 @@ async fn row_18_agent_restart_while_latched(bed: &mut Bed) -> Result<()> {
     assert!(!is_commanded(&state), "a reset moves nothing");
     bed.make_ready().await?;
     bed.work_again().await
+}
+
+/// A robot file with the button, whether or not it says more about stops.
+fn with_button(file: String) -> String {
+    match file.contains("\nstop:\n") {
+        true => file.replace("\nstop:\n", &format!("\n{BUTTON}")),
+        false => file + "\n" + BUTTON,
+    }
 }
 
 fn stop_request() -> StopRequest {
