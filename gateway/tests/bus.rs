@@ -10,8 +10,9 @@ use armada_protocol::client::{Client, ClientError};
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::keys::{self, Key, Kind, Owner};
 use armada_protocol::messages::{
-    ActionStatus, CellExecuteTrajectory, CellFrames, CellResetParams, CellStatus, CellVerdict,
-    DenialCode, Presence, StopLevel, StopRequest, StopScope, StopVerdict,
+    ActionStatus, CellAcquireLeaseParams, CellExecuteTrajectory, CellFrames, CellLeaseParams,
+    CellResetParams, CellStatus, CellVerdict, CheckClearanceParams, Denial, DenialCode, Event,
+    MotionParams, Presence, StopLevel, StopRequest, StopScope, StopVerdict,
 };
 use armada_protocol::method::cell;
 use common::{JOINTS, PATIENCE, TestAgent, TestCell, eventually, hand_at_zero, locked};
@@ -118,6 +119,89 @@ async fn a_motion_of_two_robots_starts_together_and_can_be_asked_for_afterwards(
     let bounds = ready(&client).await.robots.into_values().filter_map(|r| r.clock_bound_ns);
     let bound: u64 = bounds.sum::<u64>() + 2_000_000;
     assert!(starts[0].abs_diff(starts[1]) <= bound, "{starts:?}, bound {bound}");
+    cell.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn leases_of_several_robots_are_all_granted_or_none() {
+    let cell = TestCell::start(&["left", "right"]).await;
+    let client = cell.client().await;
+    let left = TestAgent::start(&cell, "left").await;
+    let right = TestAgent::start(&cell, "right").await;
+    ready(&client).await;
+    let acquire =
+        || CellAcquireLeaseParams { robots: Vec::new(), ttl_ms: 5_000, role: Default::default() };
+    let granted = client.call_cell::<cell::AcquireLease>(acquire()).await.expect("granted");
+    let leases: std::collections::BTreeMap<_, _> =
+        granted.leases.iter().map(|(robot, grant)| (robot.clone(), grant.lease)).collect();
+    assert_eq!(leases.len(), 2);
+    assert!(granted.leases.values().all(|grant| grant.ttl_ms == 5_000));
+    let params = CellLeaseParams { leases };
+    let released = client.call_cell::<cell::ReleaseLease>(params).await.expect("released");
+    assert_eq!((released.released.len(), released.refused.len()), (2, 0));
+    *locked(&right.shared.lease) = Err(Denial::new(DenialCode::LeaseRequired, "driven by b"));
+    let refused = client.call_cell::<cell::AcquireLease>(acquire()).await;
+    let Err(ClientError::Denied(denial)) = refused else { panic!("{refused:?}") };
+    assert_eq!((denial.code, &*denial.message), (DenialCode::LeaseRequired, "right: driven by b"));
+    assert_eq!(*locked(&left.shared.lease), Ok(None), "left was given back");
+    cell.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_concerns_several_robots_takes_no_single_lease() {
+    let cell = TestCell::start(&["left"]).await;
+    let client = cell.client().await;
+    let leased = client.under(Uuid::from_u128(3));
+    let denied = execute(&leased, &["left"]).await.expect_err("refused");
+    let ClientError::Denied(denial) = denied else { panic!("{denied}") };
+    assert_eq!(denial.code, DenialCode::InvalidArgument);
+    assert!(denial.message.contains("in leases"), "{denial}");
+    let pause = MotionParams { motion_id: Uuid::from_u128(4) };
+    let denied = leased.call_cell::<cell::Pause>(pause).await;
+    let Err(ClientError::Denied(denial)) = denied else { panic!("{denied:?}") };
+    assert_eq!(denial.code, DenialCode::NotAttached);
+    cell.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn robots_without_shapes_are_not_called_clear() {
+    let cell = TestCell::start(&["left", "right"]).await;
+    let client = cell.client().await;
+    let _agents = [TestAgent::start(&cell, "left").await, TestAgent::start(&cell, "right").await];
+    ready(&client).await;
+    let params =
+        CheckClearanceParams { trajectory: trajectory(&["left", "right"]), offset_ms: 100.0 };
+    let answer = eventually("both describe themselves", async || {
+        match client.call_cell::<cell::CheckClearance>(params.clone()).await {
+            Ok(answer) => Some(answer),
+            Err(ClientError::Denied(denial)) if denial.code == DenialCode::NotReady => None,
+            Err(other) => panic!("{other}"),
+        }
+    })
+    .await;
+    assert!(!answer.clear);
+    assert_eq!(answer.distance_m, None);
+    assert!(answer.without_shape.contains(&"left/hand".to_owned()), "{answer:?}");
+    cell.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn events_of_robots_come_in_the_stream_of_the_cell() {
+    let cell = TestCell::start(&["left"]).await;
+    let client = cell.client().await;
+    let left = TestAgent::start(&cell, "left").await;
+    ready(&client).await;
+    let events = client.subscribe::<Event>(&keys::CELL_EVENTS.any(), 64).await.expect("subscribes");
+    let mut seqno = 0;
+    let event = eventually("an event is passed on", async || {
+        left.publish_event(seqno).await;
+        seqno += 1;
+        let (_, event) = events.try_next().expect("an event")?;
+        event.robot.is_some().then_some(event)
+    })
+    .await;
+    assert!(event.details["robot_seqno"].is_u64(), "{event:?}");
+    assert_eq!(event.boot_id, client.cell_info().await.expect("answers").boot_id);
     cell.shut_down().await;
 }
 

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use armada_gateway::config::{CellConfig, RobotEntry};
-use armada_gateway::world::World;
+use armada_gateway::world::{ClearanceRequest, World};
 use armada_model::{
     CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MonoTime, MotionLimits,
     RobotModel, TrajectoryOptions,
@@ -147,4 +147,33 @@ fn the_arms_meet_without_touching_each_other_or_the_table() {
         }
     }
     assert!((0.15..0.25).contains(&nearest), "the tools come within {nearest} m");
+}
+
+#[test]
+fn the_handover_is_clear_even_if_one_robot_stops_at_once() {
+    let parts = parts();
+    let mut world = world(&parts);
+    for (name, (robot, _)) in &parts {
+        world.set_positions(name, &JointVector::from_slice(&robot.initial).expect("finite"));
+    }
+    let motion = handover();
+    let select = |name: &RobotName| {
+        let prefix = format!("{name}/");
+        let named = motion.joint_names.iter().enumerate();
+        let (columns, names): (Vec<_>, Vec<_>) = named
+            .filter_map(|(column, joint)| Some((column, joint.strip_prefix(&prefix)?.to_owned())))
+            .unzip();
+        motion.select(&columns, names).expect("columns exist")
+    };
+    let request = ClearanceRequest {
+        parts: parts.keys().map(|name| (name.clone(), select(name))).collect(),
+        reduced: Default::default(),
+        offset_s: 0.5,
+        required_m: cell().clearance.required_m,
+    };
+    let report = world.clearance(&request).expect("legal").solve().expect("can be told");
+    assert_eq!(report.refusal, None);
+    let distance = report.answer.distance_m.expect("all have shapes");
+    assert!((0.01..0.2).contains(&distance), "{distance} m");
+    assert!(report.answer.clear, "{:?}", report.answer.without_shape);
 }

@@ -153,7 +153,7 @@ keys! {
     CELL_STATUS = "cell/status", [Cached Queryable], Gateway, "CellStatus", Report;
     /// World poses of the links that moved, at 30 Hz.
     CELL_FRAMES = "cell/frames", [Published], Gateway, "CellFrames", State;
-    /// The gateway's own audit trail, numbered without gaps.
+    /// Every robot's events and the gateway's own in one stream, numbered without gaps.
     CELL_EVENTS = "cell/events", [Cached], Gateway, "Event", Report;
     /// Status of a motion of several robots.
     CELL_MOTION = "cell/motions/{id}", [Published Queryable], Gateway, "CellMotionStatus", Progress;

@@ -53,14 +53,37 @@ impl Latest {
         channel: Channel,
         encoding: WireEncoding,
     ) -> zenoh::Result<Self> {
+        // A subscriber of the same session would run inside `put`, in the caller's thread.
+        Self::declare_for(session, key, (channel, encoding), Locality::Remote).await
+    }
+
+    /// A publisher at `key` for subscribers of its own session too: robots of one agent that talk to
+    /// each other. Their callbacks run inside [`put`](Self::put), and must be as quick as it.
+    ///
+    /// # Errors
+    /// Zenoh's error if it cannot be declared.
+    pub async fn declare_everywhere(
+        session: &Session,
+        key: String,
+        channel: Channel,
+        encoding: WireEncoding,
+    ) -> zenoh::Result<Self> {
+        Self::declare_for(session, key, (channel, encoding), Locality::Any).await
+    }
+
+    async fn declare_for(
+        session: &Session,
+        key: String,
+        (channel, encoding): (Channel, WireEncoding),
+        locality: Locality,
+    ) -> zenoh::Result<Self> {
         let publisher = session
             .declare_publisher(key)
             .priority(channel.priority())
             .congestion_control(channel.congestion_control())
             .express(channel.express())
             .encoding(encoding.to_zenoh())
-            // A subscriber of the same session would run inside `put`, in the caller's thread.
-            .allowed_destination(Locality::Remote)
+            .allowed_destination(locality)
             .await?;
         let has_subscribers = Arc::<AtomicBool>::default();
         let told = Arc::clone(&has_subscribers);

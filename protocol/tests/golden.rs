@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use armada_protocol::codec::{CodecError, WireEncoding};
 use armada_protocol::messages::*;
+use armada_protocol::signature::SigningKey;
 use serde::de::DeserializeOwned;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
@@ -120,12 +121,17 @@ golden! {
     "stop_request": StopRequest,
     "stop_ack": StopAck,
     "stop_report": StopReport,
+    "stop_challenge": StopChallenge,
+    "stop_check_in": StopCheckIn,
     "clock_sample": ClockSample,
     "denial": Denial,
     "cell_info": CellInfo,
     "cell_status": CellStatus,
     "cell_frames": CellFrames,
     "cell_motion_status": CellMotionStatus,
+    "group_go": GroupGo,
+    "group_heartbeat": GroupHeartbeat,
+    "group_abort": GroupAbort,
     "request_set_mode": Request<SetModeParams>,
     "request_empty": Request<Empty>,
     "request_jog_freespace": Request<JogFreespaceParams>,
@@ -136,9 +142,18 @@ golden! {
     "request_reset": Request<ResetParams>,
     "request_cell_execute_trajectory": Request<CellExecuteTrajectory>,
     "request_cell_reset": Request<CellResetParams>,
+    "request_cell_acquire_lease": Request<CellAcquireLeaseParams>,
+    "request_cell_renew_lease": Request<CellLeaseParams>,
+    "request_cell_release_lease": Request<CellLeaseParams>,
+    "request_cell_pause": Request<MotionParams>,
+    "request_cell_resume": Request<MotionParams>,
+    "request_cell_set_speed_ratio": Request<CellSpeedRatioParams>,
+    "request_cell_check_clearance": Request<CheckClearanceParams>,
     "request_acquire_lease": Request<AcquireLeaseParams>,
     "request_renew_lease": Request<RenewLeaseParams>,
     "request_release_lease": Request<LeaseParams>,
+    "request_take_lease": Request<TakeLeaseParams>,
+    "request_delegate_lease": Request<DelegateLeaseParams>,
     "request_home": Request<HomeParams>,
     "request_jog_joint": Request<JogJointParams>,
     "request_jog_cartesian": Request<JogCartesianParams>,
@@ -172,6 +187,9 @@ golden! {
     "answer_cell_reset": CellResetAnswer,
     "answer_lease": LeaseGrant,
     "answer_lease_released": LeaseReleased,
+    "answer_group_lease": GroupLease,
+    "answer_group_lease_released": GroupLeaseReleased,
+    "answer_clearance": ClearanceAnswer,
     "answer_speed_ratio": SpeedRatioAnswer,
     "answer_equipment": EquipmentAnswer,
     "answer_signal": NamedValue,
@@ -193,4 +211,15 @@ fn no_sample_is_left_unread() {
     let mut names: Vec<&str> = NAMES.to_vec();
     names.sort_unstable();
     assert_eq!(files, names);
+}
+
+#[test]
+fn the_sample_of_a_signed_reset_is_signed_for_the_sample_of_a_status() {
+    let read = |name: &str| fs::read(folder().join(name)).expect("a golden sample");
+    let status: RobotStatus = serde_json::from_slice(&read("robot_status.json")).expect("a status");
+    let request: Request<ResetParams> =
+        serde_json::from_slice(&read("request_reset.json")).expect("a request");
+    let key = SigningKey::from_bytes(b"golden reset key").expect("a key");
+    let params = status.stop.expect("a stop").reset_params();
+    assert_eq!(key.sign_reset(&status.robot, status.boot_id, params), request.params);
 }

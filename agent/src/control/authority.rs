@@ -370,7 +370,10 @@ impl LoopState {
             LeaseLoss::Finish => true,
             LeaseLoss::ContinueS(time_s) => tick.now.saturating_since(lost).as_secs_f64() < time_s,
         };
-        if !may_go_on {
+        if !may_go_on && self.end_together(Refusal::LeaseLost) {
+            // It comes to rest with its partners.
+            self.drop_waiting(tick, 0, Refusal::LeaseLost);
+        } else if !may_go_on {
             self.end_motion(tick, End::Failed(Refusal::LeaseLost));
             self.decelerate(tick);
         } else {

@@ -27,5 +27,5 @@ copy_by_fields! {
     LoopState:
     limits, reduced, seqno, epoch, mode, condition, faults, stop, authority, controller,
     standstill, tracking, limiter, hold, ramp, motion, stream, queue, own_motion, speed_ratio,
-    equipment, owed_loads, owed_tools, values, acknowledgement,
+    equipment, owed_loads, owed_tools, values, acknowledgement, group,
 }

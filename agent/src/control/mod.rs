@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The phases of [`step`] in this order, one file each: `verify` the feedback, follow the `stop`
-//! gate, take the `orders` and the samples of a `stream`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
+//! gate, take the `orders`, what partners said (`grouping`) and the samples of a `stream`, make a set-point (`motion`, or the `ramp`, or hold), `limit` it, ask
 //! the `controller` for what it is to switch, and say what happened.
 //!
 //! Invariants, each a test:
@@ -34,6 +34,8 @@ mod controller;
 mod equipment;
 mod faults;
 mod flags;
+mod group;
+mod grouping;
 mod io;
 mod jogging;
 mod limit;
@@ -56,6 +58,11 @@ mod tests;
 
 pub use equipment::{Equipment, EquippedChain, EquippedChainError, MAX_CHAINS, TipState};
 pub use faults::clear_by;
+pub use group::{
+    BEAT, Beat, Decision, GENTLE_SLOPE_S, GroupMachine, GroupOrder, GroupReport, GroupSay,
+    GroupWord, LINGER, MAX_PARTNERS, MAX_SAID, MAX_WORDS, Own, PartnerFault, Readiness, Say,
+    ScaleStep, StartTravel, Word, stretch_for_slope,
+};
 pub use io::{
     DelegateOrder, DelegateReport, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder,
     Input, JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities,

@@ -12,6 +12,7 @@ use super::acknowledge::Acknowledgement;
 use super::authority::Authority;
 use super::controller::Controller;
 use super::equipment::{Equipment, Owed};
+use super::group::GroupMachine;
 use super::io::{Granted, LoopEvent, LoopFault, MAX_QUEUED, Output, Params, Refusal, Retired};
 use super::limit::Limiter;
 use super::motion::{Brake, End, Motion, OwnMotion, Queued};
@@ -63,6 +64,8 @@ pub struct LoopState {
     pub(super) owed_tools: Owed,
     pub(super) values: PendingValues,
     pub(super) acknowledgement: Acknowledgement,
+    /// The motion of several robots that this one takes part in, until all know that it has ended.
+    pub(super) group: Option<GroupMachine>,
 }
 
 /// Why a loop cannot run with its parameters.
@@ -175,6 +178,7 @@ impl LoopState {
             owed_tools: Owed::ALL,
             values: PendingValues::default(),
             acknowledgement: Acknowledgement::default(),
+            group: None,
         })
     }
 

@@ -20,6 +20,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
         snapshot: state.snapshot(params, input.now, None),
         events: ArrayVec::new(),
         retired: ArrayVec::new(),
+        group: ArrayVec::new(),
     };
     let (now, loop_error, stopped) = (input.now, input.loop_error, input.stop.is_some());
     let mut tick = Tick { params, now, loop_error, stopped, output: &mut output };
@@ -32,7 +33,9 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     for request in input.requests.drain(..) {
         state.take(&mut tick, request);
     }
+    state.hear_partners(input.group.drain(..));
     state.take_samples(&mut tick, input.stream.drain(..));
+    state.keep_together(&mut tick);
     tick.output.command = state.set_point(&mut tick);
     state.watch_standstill(&tick);
     tick.output.driver_request = state
@@ -43,6 +46,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     state.climb(&mut tick);
     state.answer_pending(&mut tick);
     state.answer_values(&mut tick);
+    output.group = state.tell_partners(now);
     output.snapshot = state.snapshot(params, now, output.command.as_ref());
     output
 }
@@ -94,6 +98,7 @@ impl LoopState {
             tips: feedback.map_or([None; MAX_REPORTED_TIPS], |feedback| feedback.tips),
             emergency_stop: feedback.map(|feedback| feedback.emergency_stop),
             acknowledged: self.acknowledgement.at(),
+            group: self.group_report(),
         }
     }
 }

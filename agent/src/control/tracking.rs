@@ -101,6 +101,22 @@ impl Tracking {
         position.or_else(|| sent.velocity_excess(later, &feedback.joint_velocity))
     }
 
+    /// The largest of all distances of measured from expected positions over their tolerances, at
+    /// most 1; 0 while nothing is sent.
+    pub(super) fn share(&self, params: &Params, feedback: &Feedback) -> f64 {
+        let time = feedback.stamp - params.tracking_lag;
+        let Some((sent, later)) = self.around(time) else { return 0.0 };
+        let expected = later.map_or(sent.position, |l| sent.until(l, time, params.period));
+        let joints = feedback.joint_position.iter().zip(expected.iter());
+        let shares = joints.zip(params.tracking_tolerance.iter()).enumerate().map(
+            |(joint, ((measured, expected), &limit))| {
+                let limit = sent.tolerance.get(joint).map_or(limit, |wanted| wanted.min(limit));
+                if limit > 0.0 { (measured - expected).abs() / limit } else { 1.0 }
+            },
+        );
+        shares.fold(0.0, f64::max).min(1.0)
+    }
+
     /// The set-point at `time`, and the one after it. A controller that interpolates goes over from
     /// the one to the other in the last period before the later one is due.
     fn around(&self, time: MonoTime) -> Option<(&Sent, Option<&Sent>)> {

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::control::Output;
 
-/// FNV-1a over the MessagePack form of requests and events: no heap, and nothing at all in the
+/// FNV-1a over the MessagePack form of requests, events and what partners are told: no heap, and nothing at all in the
 /// ticks that say nothing.
 pub(super) fn digest(output: &Output) -> u64 {
     let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
@@ -15,6 +15,9 @@ pub(super) fn digest(output: &Output) -> u64 {
     }
     for event in &output.events {
         hash.take(event);
+    }
+    for said in &output.group {
+        hash.take(said);
     }
     hash.0
 }

@@ -48,6 +48,7 @@ pub fn replay(recording: &Recording) -> Replay {
 fn replay_segment(params: &Params, segment: &Segment) -> Option<Difference> {
     let mut state = segment.state.clone();
     let (mut requests, mut samples) = (segment.requests.iter(), segment.samples.iter());
+    let mut words = segment.words.iter();
     for (index, tick) in segment.ticks.iter().enumerate() {
         let mut input = Input {
             now: tick.now,
@@ -56,6 +57,7 @@ fn replay_segment(params: &Params, segment: &Segment) -> Option<Difference> {
             loop_error: tick.loop_error,
             requests: requests.by_ref().take(usize::from(tick.requests)).cloned().collect(),
             stream: samples.by_ref().take(usize::from(tick.samples)).copied().collect(),
+            group: words.by_ref().take(usize::from(tick.words)).copied().collect(),
         };
         let output = step(params, &mut state, &mut input);
         let replayed = Said::of(&output);

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::digest::digest;
 use crate::control::{
-    Input, LoopRequest, LoopState, MAX_REQUESTS, MAX_SAMPLES, Output, StreamSample,
+    GroupWord, Input, LoopRequest, LoopState, MAX_REQUESTS, MAX_SAMPLES, MAX_WORDS, Output,
+    StreamSample,
 };
 use crate::drivers::{Feedback, SetPoint};
 
@@ -24,6 +25,8 @@ pub struct Segment {
     pub requests: Vec<LoopRequest>,
     /// The samples of streams of all ticks, in their order.
     pub samples: Vec<StreamSample>,
+    /// What partners said in all ticks, in its order.
+    pub words: Vec<GroupWord>,
 }
 
 /// One tick: what the loop was told, and what it said.
@@ -41,6 +44,8 @@ pub struct Tick {
     pub requests: u8,
     /// How many of the segment's samples are of this tick.
     pub samples: u8,
+    /// How many of the segment's words of partners are of this tick.
+    pub words: u8,
     /// What the loop said.
     pub said: Said,
 }
@@ -56,7 +61,7 @@ pub struct Said {
     pub epoch: u64,
     /// Conditions after it.
     pub flags: RobotFlags,
-    /// Stands for the requests to the controller and the events.
+    /// Stands for the requests to the controller, the events and what partners are told.
     pub digest: u64,
 }
 
@@ -84,6 +89,7 @@ impl Segment {
             ticks: Vec::with_capacity(ticks),
             requests: Vec::with_capacity(REQUESTS),
             samples: Vec::with_capacity(ticks),
+            words: Vec::with_capacity(ticks + MAX_WORDS),
         }
     }
 
@@ -92,23 +98,28 @@ impl Segment {
         self.ticks.len() < self.ticks.capacity()
             && self.requests.len() + MAX_REQUESTS <= self.requests.capacity()
             && self.samples.len() + MAX_SAMPLES <= self.samples.capacity()
+            && self.words.len() + MAX_WORDS <= self.words.capacity()
     }
 
     /// Takes what a tick is about to be told.
     pub(super) fn listen(&mut self, input: &Input) {
         self.requests.extend(input.requests.iter().cloned());
         self.samples.extend(input.stream.iter().copied());
+        self.words.extend(input.group.iter().copied());
     }
 
-    /// Takes what it was told and what it said; `requests` and `samples` of it were listened to.
-    pub(super) fn note(&mut self, input: &Input, counts: (usize, usize), output: &Output) {
+    /// Takes what it was told and what it said; so many requests, samples and words of it were
+    /// listened to.
+    pub(super) fn note(&mut self, input: &Input, counts: [usize; 3], output: &Output) {
+        let [requests, samples, words] = counts.map(|count| u8::try_from(count).unwrap_or(u8::MAX));
         self.ticks.push(Tick {
             now: input.now,
             stop: input.stop,
             loop_error: input.loop_error,
             feedback: input.feedback,
-            requests: u8::try_from(counts.0).unwrap_or(u8::MAX),
-            samples: u8::try_from(counts.1).unwrap_or(u8::MAX),
+            requests,
+            samples,
+            words,
             said: Said::of(output),
         });
     }
@@ -119,5 +130,6 @@ impl Segment {
         self.ticks.clear();
         self.requests.clear();
         self.samples.clear();
+        self.words.clear();
     }
 }

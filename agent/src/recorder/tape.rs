@@ -24,8 +24,8 @@ pub struct Tape {
     current: Option<Box<Segment>>,
     full: Producer<Handed>,
     empty: Consumer<Box<Segment>>,
-    /// Requests and samples of the tick in progress.
-    counts: (usize, usize),
+    /// Requests, samples and words of the tick in progress.
+    counts: [usize; 3],
     /// Whether the segment is to be handed over after this tick.
     saving: bool,
 }
@@ -47,7 +47,7 @@ impl Tape {
             drop(emptied.push(segment));
         }
         let wanted = (seconds / period_s).ceil().max(1.0) as usize;
-        let tape = Self { current: None, full, empty: empties, counts: (0, 0), saving: false };
+        let tape = Self { current: None, full, empty: empties, counts: [0; 3], saving: false };
         (tape, Shelf::new(empty.clone(), wanted, filled, emptied))
     }
 
@@ -62,7 +62,7 @@ impl Tape {
                 segment.state.clone_from(state);
             }
         }
-        self.counts = (input.requests.len(), input.stream.len());
+        self.counts = [input.requests.len(), input.stream.len(), input.group.len()];
         if let Some(segment) = &mut self.current {
             segment.listen(input);
         }

@@ -1,11 +1,19 @@
+use std::sync::Arc;
 use std::time::Duration;
 
-use armada_model::{JointLimits, JointVector, MonoTime};
-use armada_protocol::messages::{CommandMode, OperationalMode};
+use armada_model::{
+    CompiledTrajectory, JointLimits, JointTrajectory, JointVector, MonoTime, MotionLimits,
+    TrajectoryOptions, Waypoint,
+};
+use armada_protocol::messages::{CommandMode, Coupling, OperationalMode};
+use arrayvec::ArrayVec;
 use uuid::Uuid;
 
 use super::*;
-use crate::control::{Input, JogOrder, LoopRequest, LoopState, Order, Params, step};
+use crate::control::{
+    FollowOrder, GroupOrder, GroupSay, GroupWord, Input, JogOrder, LoopRequest, LoopState,
+    MAX_SAID, MAX_WORDS, Order, Params, Say, Word, step,
+};
 use crate::drivers::Feedback;
 
 const PERIOD: Duration = Duration::from_millis(4);
@@ -24,6 +32,25 @@ fn params() -> Params {
 
 fn joints(value: f64) -> JointVector {
     JointVector::from_slice(&[value, -value]).expect("finite")
+}
+
+/// Half a radian in two seconds.
+fn trajectory() -> Arc<CompiledTrajectory> {
+    let names = ["a", "b"];
+    let waypoint = |time_from_start_s, value: f64| Waypoint {
+        time_from_start_s,
+        joint_position: vec![value, -value],
+        ..Waypoint::default()
+    };
+    let wanted = JointTrajectory {
+        joint_names: names.map(str::to_owned).to_vec(),
+        waypoints: vec![waypoint(0.0, 0.0), waypoint(2.0, 0.5)],
+        ..JointTrajectory::default()
+    };
+    let limits = MotionLimits::new(&params().limits).expect("complete");
+    let options = TrajectoryOptions::default();
+    let compiled = CompiledTrajectory::compile(&wanted, &names, &limits, &options);
+    Arc::new(compiled.expect("legal"))
 }
 
 /// A loop whose robot is where it was told to be, on tape.
@@ -47,6 +74,15 @@ impl Recorded {
     }
 
     fn tick(&mut self, orders: impl IntoIterator<Item = Order>) {
+        self.tick_with(orders, ArrayVec::new());
+    }
+
+    /// A tick in which partners say something; returns what is said to them.
+    fn tick_with(
+        &mut self,
+        orders: impl IntoIterator<Item = Order>,
+        words: ArrayVec<GroupWord, MAX_WORDS>,
+    ) -> ArrayVec<GroupSay, MAX_SAID> {
         self.now = self.now + PERIOD;
         self.tick += 1;
         let mut input = Input {
@@ -57,6 +93,7 @@ impl Recorded {
                 ..Feedback::of(self.now, self.position)
             }),
             requests: orders.into_iter().map(|o| LoopRequest::new(self.tick, o)).collect(),
+            group: words,
             ..Input::at(self.now)
         };
         self.tape.before(&self.state, &input);
@@ -65,6 +102,7 @@ impl Recorded {
         if let Some(command) = output.command {
             self.position = command.joint_position;
         }
+        output.group
     }
 
     /// Ticks with another goal every 100 ticks, the shelf tidied every 50.
@@ -110,6 +148,53 @@ fn a_recording_replays_without_a_difference_after_it_was_a_file() {
     let recording = read_again(&recorded.save());
     let result = replay(&recording);
     assert_eq!(result.ticks, 1701);
+    assert!(result.first_difference.is_none(), "{}", result.first_difference.expect("some"));
+}
+
+#[test]
+fn a_motion_with_a_partner_replays_without_a_difference() {
+    let mut recorded = Recorded::new(10.0);
+    recorded.tick([]);
+    recorded.tick([Order::SetMode(CommandMode::Trajectory)]);
+    let (start, id) = (recorded.now + PERIOD * 60, Uuid::from_u128(1));
+    let group = GroupOrder {
+        coupling: Coupling::TimeSynced,
+        partners: 1,
+        loss: PERIOD * 30,
+        max_divergence_s: 0.05,
+        rate_slope_s: 2.0,
+    };
+    let order = FollowOrder {
+        start: Some(start),
+        group: Some(group),
+        ..FollowOrder::at_once(id, trajectory())
+    };
+    let mut said = recorded.tick_with([Order::Follow(order)], ArrayVec::new());
+    let mut heartbeats = 0;
+    for tick in 0..1500 {
+        let words = said.iter().map(|said| GroupWord {
+            group: said.group,
+            partner: 0,
+            at: recorded.now,
+            word: match said.say {
+                Say::Go => Word::Go,
+                Say::Heartbeat(beat) => Word::Heartbeat(beat),
+                Say::Abort { from_phase_s, .. } => Word::Abort { from_phase_s },
+            },
+        });
+        heartbeats += words.len();
+        let order = match tick {
+            200 => Some(Order::Pause(id)),
+            700 => Some(Order::Resume(id)),
+            _ => None,
+        };
+        said = recorded.tick_with(order, words.collect());
+    }
+    assert!(heartbeats > 100, "{heartbeats}");
+    let recording = read_again(&recorded.save());
+    let words: usize = recording.segments.iter().map(|segment| segment.words.len()).sum();
+    assert_eq!(words, heartbeats);
+    let result = replay(&recording);
     assert!(result.first_difference.is_none(), "{}", result.first_difference.expect("some"));
 }
 

@@ -173,5 +173,6 @@ fn report_of(
         paused: false,
         queued: 0,
     };
-    MotionReport { id, kind, executor: Executor::Agent, status, reason: None, started, progress }
+    let (executor, reason, group) = (Executor::Agent, None, None);
+    MotionReport { id, kind, executor, status, reason, started, progress, group }
 }

@@ -129,6 +129,7 @@ impl LoopThread {
             loop_error: carry.loop_error,
             requests: ArrayVec::new(),
             stream: ArrayVec::new(),
+            group: ArrayVec::new(),
         };
         while !input.requests.is_full()
             && let Ok(request) = self.mailbox.requests.pop()
@@ -140,6 +141,11 @@ impl LoopThread {
             && let Ok(sample) = self.mailbox.samples.pop()
         {
             input.stream.push(sample);
+        }
+        while !input.group.is_full()
+            && let Ok(word) = self.mailbox.words.pop()
+        {
+            input.group.push(word);
         }
         if let Some(tape) = &mut self.tape {
             tape.before(&self.state, &input);
@@ -206,7 +212,13 @@ impl LoopThread {
         let said = monotonic();
         let seqno = output.snapshot.seqno;
         let class = self.ticks_per_class.iter().any(|&ticks| seqno.is_multiple_of(ticks.max(1)));
-        let something = sample || class || !output.events.is_empty() || !output.retired.is_empty();
+        let said_something = !output.events.is_empty() || !output.group.is_empty();
+        let something = sample || class || said_something || !output.retired.is_empty();
+        for say in output.group.drain(..) {
+            if self.mailbox.says.push(say).is_err() {
+                self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
+            }
+        }
         // Drained in place: moved, each would be copied with all its unused room.
         for event in output.events.drain(..) {
             if let LoopEvent::StopRaised(level) = event {

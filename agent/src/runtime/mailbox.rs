@@ -3,7 +3,9 @@
 use armada_model::MonoTime;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::control::{LoopEvent, LoopRequest, Retired, Snapshot, StreamSample};
+use crate::control::{
+    GroupSay, GroupWord, LoopEvent, LoopRequest, Retired, Snapshot, StreamSample,
+};
 
 /// Requests on their way to the loop; more are refused as busy.
 const REQUESTS: usize = 256;
@@ -11,6 +13,10 @@ const REQUESTS: usize = 256;
 const SAMPLES: usize = 64;
 /// Events on their way from the loop: some seconds of the busiest loop.
 const EVENTS: usize = 4096;
+/// Words of partners on their way to the loop; more are dropped.
+const WORDS: usize = 256;
+/// Words to partners on their way from the loop.
+const SAYS: usize = 256;
 /// Trajectories and tools on their way to be freed.
 const RETIRED: usize = 256;
 
@@ -28,6 +34,8 @@ pub(super) struct Latest {
 pub(super) struct LoopEnd {
     pub(super) requests: Consumer<LoopRequest>,
     pub(super) samples: Consumer<StreamSample>,
+    pub(super) words: Consumer<GroupWord>,
+    pub(super) says: Producer<GroupSay>,
     pub(super) events: Producer<StampedEvent>,
     pub(super) retired: Producer<Retired>,
     pub(super) latest: triple_buffer::Input<Latest>,
@@ -37,6 +45,7 @@ pub(super) struct LoopEnd {
 pub(super) struct PublisherEnd {
     pub(super) events: Consumer<StampedEvent>,
     pub(super) retired: Consumer<Retired>,
+    pub(super) says: Consumer<GroupSay>,
     pub(super) latest: triple_buffer::Output<Latest>,
 }
 
@@ -44,18 +53,21 @@ pub(super) struct PublisherEnd {
 pub(super) struct ClientEnd {
     pub(super) requests: Producer<LoopRequest>,
     pub(super) samples: Producer<StreamSample>,
+    pub(super) words: Producer<GroupWord>,
 }
 
 /// Makes all ends; `first` is seen before the first tick.
 pub(super) fn mailbox(first: Snapshot) -> (LoopEnd, PublisherEnd, ClientEnd) {
     let (request_in, requests) = RingBuffer::new(REQUESTS);
     let (sample_in, samples) = RingBuffer::new(SAMPLES);
+    let (word_in, words) = RingBuffer::new(WORDS);
+    let (says, say_out) = RingBuffer::new(SAYS);
     let (events, event_out) = RingBuffer::new(EVENTS);
     let (retired, retired_out) = RingBuffer::new(RETIRED);
     let (latest, latest_out) = triple_buffer::triple_buffer(&Latest { snapshot: first, due: 0 });
     (
-        LoopEnd { requests, samples, events, retired, latest },
-        PublisherEnd { events: event_out, retired: retired_out, latest: latest_out },
-        ClientEnd { requests: request_in, samples: sample_in },
+        LoopEnd { requests, samples, words, says, events, retired, latest },
+        PublisherEnd { events: event_out, retired: retired_out, says: say_out, latest: latest_out },
+        ClientEnd { requests: request_in, samples: sample_in, words: word_in },
     )
 }

@@ -60,6 +60,7 @@ impl MotionLog {
         status.elapsed_s = report.progress.elapsed_s;
         status.duration_s = report.progress.duration_s;
         status.waypoint = report.progress.waypoint;
+        status.group = report.group.or(status.group);
         let status = status.clone();
         if status.status.is_terminal() {
             self.ended.notify_waiters();
@@ -78,6 +79,8 @@ impl MotionLog {
         status.stamp_ns = snapshot.stamp;
         status.elapsed_s = progress.elapsed_s;
         status.waypoint = progress.waypoint;
+        let group = snapshot.group.filter(|group| group.id == progress.id);
+        status.group = group.map(|group| group.quality).or(status.group);
         Some(status.clone())
     }
 

@@ -16,6 +16,7 @@ use uuid::Uuid;
 use super::board::SharedBoard;
 use super::clock::{monotonic, utc_ns};
 use super::equipment::SharedEquipment;
+use super::groups::Groups;
 use super::mailbox::{PublisherEnd, StampedEvent};
 use super::processor::Follower;
 use crate::control::{Equipment, EquippedChain, Snapshot};
@@ -63,6 +64,8 @@ pub(super) struct Publisher {
     /// Their tools in force.
     pub(super) in_force: Arc<Equipment>,
     pub(super) equipment: Arc<SharedEquipment>,
+    /// Where words to partners go.
+    pub(super) groups: Arc<Groups>,
     /// Told when the robot's condition has changed.
     pub(super) changed: Arc<Notify>,
     pub(super) shutdown: Arc<AtomicBool>,
@@ -74,6 +77,9 @@ impl Publisher {
         let mut published = 0;
         while !self.shutdown.load(Ordering::Relaxed) {
             std::thread::park_timeout(IDLE);
+            while let Ok(said) = self.mailbox.says.pop() {
+                self.groups.say(&said);
+            }
             while self.mailbox.retired.pop().is_ok() {}
             let latest = *self.mailbox.latest.read();
             let is_due = std::mem::replace(&mut published, latest.due) != latest.due;

@@ -26,6 +26,7 @@ use super::bus::{self, Keys};
 use super::clock::monotonic;
 use super::desk::{Desk, Flapping, Inboxes, Remark};
 use super::equipment::SharedEquipment;
+use super::groups::Groups;
 use super::link::Link;
 use super::loop_thread::LoopThread;
 use super::mailbox::{LoopEnd, PublisherEnd, StampedEvent, mailbox};
@@ -36,6 +37,7 @@ use super::realtime::RealtimeReport;
 use super::recordings::{Recorder, Recordings};
 use super::requests::{MAX_WAITS, Requests};
 use super::robot::Robot;
+use super::self_collision::SelfCollision;
 use super::stop_file::{Kept, StateError, StopFile};
 use super::stop_gate::StopGate;
 use super::stop_intake::{self, IncomingStop, StopIntake};
@@ -105,7 +107,10 @@ impl RobotAgent {
         let span = info_span!("robot", %name);
         let (loop_end, publisher_end, clients) = mailbox(shared.board.lock().snapshot);
         let (to_desk, loop_events) = mpsc::channel(DESK_QUEUE);
-        let publisher = shared.publisher(session, robot, publisher_end, to_desk).await?;
+        let words = (Arc::clone(&shared.board), clients.words);
+        let groups = Groups::new(session.clone(), name.clone(), shared.boot_id, words);
+        let told = (publisher_end, to_desk, Arc::clone(&groups));
+        let publisher = shared.publisher(session, robot, told).await?;
         // From here on an error drops the threads, which ends them.
         let mut threads = Threads::new(Arc::clone(&shared.shutdown));
         let runs_on = Arc::clone(&shared.runs_on);
@@ -134,7 +139,7 @@ impl RobotAgent {
             clients.requests,
             cleared_seen,
             remarks.clone(),
-            recorder,
+            (recorder, groups),
         ));
         let streams = StreamIntake::open(session, robot, clients.samples, &shared.board).await;
         let streams = streams.map_err(bus::zenoh_error)?;
@@ -253,8 +258,7 @@ impl Shared {
         let (keeper, kept) = open_kept(robot, state_dir)?;
         let boot_id = Uuid::now_v7();
         let first = first_snapshot(&robot.params)?;
-        let vocabulary =
-            Vocabulary { robot: robot.config.robot.clone(), joints: robot.joints.clone() };
+        let vocabulary = Vocabulary::new(robot.config.robot.clone(), robot.joints.clone());
         let info = robot.info(boot_id);
         let publisher = bus::declare_cached(session, robot, &keys::ROBOT_INFO, 1).await?;
         let gate = Arc::<StopGate>::default();
@@ -282,8 +286,7 @@ impl Shared {
         &self,
         session: &Session,
         robot: &Robot,
-        mailbox: PublisherEnd,
-        desk: mpsc::Sender<StampedEvent>,
+        (mailbox, desk, groups): (PublisherEnd, mpsc::Sender<StampedEvent>, Arc<Groups>),
     ) -> Result<Publisher, AgentError> {
         let encoding = robot.config.publish.encoding;
         let (state, joint_states) = (&keys::ROBOT_STATE, &keys::ROBOT_JOINT_STATES);
@@ -294,6 +297,7 @@ impl Shared {
         }
         Ok(Publisher {
             mailbox,
+            groups,
             board: Arc::clone(&self.board),
             desk,
             state: bus::declare_latest(session, robot, state, encoding).await?,
@@ -396,12 +400,14 @@ impl Shared {
         orders: Producer<LoopRequest>,
         cleared: watch::Receiver<u64>,
         remarks: mpsc::Sender<Remark>,
-        recorder: Option<Recorder>,
+        (recorder, groups): (Option<Recorder>, Arc<Groups>),
     ) -> Requests {
         Requests {
             board: Arc::clone(&self.board),
             gate: Arc::clone(&self.gate),
             recorder,
+            groups,
+            own_links: own_links(robot),
             params: robot.params.clone(),
             limits: robot.limits,
             joint_names: robot.joint_names(),
@@ -459,6 +465,17 @@ fn keep_untold_stop(requests: &Requests, board: &SharedBoard, keeper: &StopKeepe
     let told = board.stop.as_ref().map(|stop| stop.gate_count);
     if let Some(level) = gate.level().filter(|_| told < Some(gate.count())) {
         keeper.keep(untold(board.kept(), level, "a stop came in while the agent ended"));
+    }
+}
+
+/// The robot's own links, if they have shapes that can be used.
+fn own_links(robot: &Robot) -> Option<Arc<SelfCollision>> {
+    match SelfCollision::of(&robot.model, &robot.joint_names()) {
+        Ok(own) => own.map(Arc::new),
+        Err(error) => {
+            warn!(%error, "the robot's own links are not checked: a shape cannot be used");
+            None
+        }
     }
 }
 

@@ -7,18 +7,27 @@ use armada_protocol::messages::{
     OperationalMode, Role, StopLevel,
 };
 use serde_json::Value;
+use uuid::Uuid;
 
+use super::group_names::GroupNames;
 use super::leases::title;
-use crate::control::{LoopFault, Refusal, clear_by};
+use crate::control::{LoopFault, PartnerFault, Refusal, clear_by};
 
 /// Who and what the words are about.
 #[derive(Clone, Debug)]
 pub(super) struct Vocabulary {
     pub(super) robot: RobotName,
     pub(super) joints: Vec<JointInfo>,
+    /// The partners in motions of several robots.
+    pub(super) groups: GroupNames,
 }
 
 impl Vocabulary {
+    /// The words about a robot with these joints.
+    pub(super) fn new(robot: RobotName, joints: Vec<JointInfo>) -> Self {
+        Self { robot, joints, groups: GroupNames::default() }
+    }
+
     fn joint(&self, index: usize) -> &str {
         self.joints.get(index).map_or("an unknown joint", |joint| joint.name.as_str())
     }
@@ -242,11 +251,46 @@ impl Vocabulary {
                 format!("tools or payloads of {} were changed meanwhile: look again", self.robot),
             )
             .with("config_seqno", current),
+            Refusal::StartTooSoon { lead_s, least_s } => Denial::new(
+                DenialCode::Timeout,
+                format!(
+                    "the start is in {:.1} ms, robots that start together need {:.1} ms to agree",
+                    lead_s * 1e3,
+                    least_s * 1e3
+                ),
+            )
+            .with("lead_ms", lead_s * 1e3)
+            .with("limit", least_s * 1e3),
+            Refusal::Partner { group, partner, fault } => self.partner(group, partner, fault),
             Refusal::Superseded => Denial::new(
                 DenialCode::Busy,
                 format!("{}: another request of the same kind took its place", self.robot),
             ),
         }
+    }
+
+    /// The denial that a partner's conduct means.
+    fn partner(&self, group: Uuid, partner: u8, fault: PartnerFault) -> Denial {
+        let (name, said) = self.groups.of(group, partner);
+        let (code, text) = match fault {
+            PartnerFault::Aborted => match said {
+                Some(said) => (said.code, format!("partner {name} stopped: {}", said.message)),
+                None => (DenialCode::NotReady, format!("partner {name} stopped")),
+            },
+            PartnerFault::Silent(silence_s) => (
+                DenialCode::CommunicationLost,
+                format!("partner {name} was not heard for {:.0} ms", silence_s * 1e3),
+            ),
+            PartnerFault::NotReady => (
+                DenialCode::NotReady,
+                format!("partner {name} did not say that it is ready to start"),
+            ),
+            PartnerFault::Diverged(apart_s) => (
+                DenialCode::Tolerance,
+                format!("partner {name} is {:.1} ms away on the common path", apart_s * 1e3),
+            ),
+        };
+        Denial::new(code, text).with("partner", name)
     }
 
     fn wrong_mode(&self, mode: CommandMode, needed: CommandMode) -> Denial {

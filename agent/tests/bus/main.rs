@@ -4,6 +4,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
+mod group;
 mod jogging;
 mod latch;
 mod lease;

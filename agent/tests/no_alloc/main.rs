@@ -7,6 +7,7 @@
 
 mod counting;
 mod delegated;
+mod group;
 mod motions;
 mod orders;
 mod others;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_agent::control::{
-    Equipment, EquippedChain, Input, LoopAbilities, LoopRequest, LoopState, Order, Output, Params,
-    StreamSample, ValueSlot, step,
+    Equipment, EquippedChain, GroupWord, Input, LoopAbilities, LoopRequest, LoopState, MAX_WORDS,
+    Order, Output, Params, StreamSample, ValueSlot, step,
 };
 use armada_agent::drivers::{
     DelegatedReport, DelegatedStatus, DriverRequest, Feedback, JointSet, LoadSetting, Values,
@@ -108,6 +108,8 @@ pub(crate) struct Rig {
     pub(crate) stop: Option<StopLevel>,
     /// Samples of the next tick.
     pub(crate) stream: ArrayVec<StreamSample, 8>,
+    /// Words of partners of the next tick.
+    pub(crate) words: ArrayVec<GroupWord, MAX_WORDS>,
     /// What writes the ticks down, and what takes it off its hands.
     pub(crate) tape: Option<(Tape, Shelf)>,
     /// What answers requests.
@@ -137,6 +139,7 @@ impl Rig {
             feedback: Some(feedback),
             stop: None,
             stream: ArrayVec::new(),
+            words: ArrayVec::new(),
             tape: None,
             controller: Controller::default(),
             deaf: false,
@@ -161,6 +164,7 @@ impl Rig {
                 .map(|(ticket, order)| LoopRequest::new(ticket, order))
                 .collect::<ArrayVec<_, 8>>(),
             stream: self.stream.take(),
+            group: self.words.take(),
         };
         let before = calls();
         if let Some((tape, _)) = &mut self.tape {

@@ -5,8 +5,9 @@ use tracing::Level;
 
 use crate::bench;
 use crate::commands::{
-    call, completions, control, events, home, info, jog, kinematics, lease, model, modes, moves,
-    payload, process, replay, reset, run, status, stop, stop_button, tool, up, values, watch,
+    call, clearance, completions, control, events, home, info, jog, kinematics, lease, model,
+    modes, moves, payload, process, replay, reset, run, status, stop, stop_button, tool, up,
+    values, watch, why,
 };
 use crate::exit;
 use crate::logging::LogFormat;
@@ -66,6 +67,8 @@ pub(crate) enum Command {
     Emulator(process::emulator::EmulatorArgs),
     /// Show every robot: presence, mode, stops, lease, pose, rates, and what to do next
     Status(status::StatusArgs),
+    /// Tell why a robot does not move, or for whom it does, and what to do
+    Why(why::WhyArgs),
     /// Show one robot live: joints between their limits, mode, faults, rates
     Watch(watch::WatchArgs),
     /// Show what a robot is: joints, limits, chains, methods, URDF
@@ -80,13 +83,15 @@ pub(crate) enum Command {
     Home(home::HomeArgs),
     /// Follow a trajectory from a file, with one robot or several
     Run(run::RunArgs),
+    /// Check how near robots come to each other on a trajectory; nothing moves
+    CheckClearance(clearance::ClearanceArgs),
     /// Bring a motion to rest on its path until it is resumed
     Pause(control::MotionArgs),
     /// Go on with a paused motion
     Resume(control::MotionArgs),
     /// End a motion with a ramp, or take it out of the queue
     Cancel(control::MotionArgs),
-    /// Change the speed of all motions of a robot
+    /// Change the speed of all motions of a robot, or of a motion of several
     Speed(control::SpeedArgs),
     /// Ramp robots to standstill; they stay ready for the next command
     Halt(modes::RobotsArgs),
@@ -106,7 +111,7 @@ pub(crate) enum Command {
     Disable(modes::RobotsArgs),
     /// Clear the latched faults of a robot whose cause is gone
     ResetErrors(modes::RobotArgs),
-    /// Keep the right to command a robot, or show who has it
+    /// Hold, take or delegate the right to command robots, or show who has it
     Lease(lease::LeaseArgs),
     /// Attach, detach and list tools
     Tool(tool::ToolArgs),

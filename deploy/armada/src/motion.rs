@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::{Context as _, bail};
 use armada_protocol::client::{Client, ClientError, Subscription};
 use armada_protocol::messages::{
-    ActionStatus, CellMotionStatus, CommandMode, Denial, DenialCode, Empty, MotionStatus,
+    ActionStatus, CellMotionStatus, CommandMode, Coupling, Denial, DenialCode, Empty, MotionStatus,
     PartStatus, RobotState, RobotStatus, SetModeParams,
 };
 use armada_protocol::method::robot::{Halt, SetMode};
@@ -50,8 +50,32 @@ pub(crate) struct MotionView {
     pub(crate) reason: Option<Denial>,
     /// Each robot's part, if it has several.
     pub(crate) parts: Vec<(RobotName, PartStatus)>,
+    /// How it keeps them together, if it has several.
+    pub(crate) together: Option<Together>,
     /// The whole message, for `--json`.
     pub(crate) message: Value,
+}
+
+/// How the robots of a motion are kept together, as far as that was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Together {
+    coupling: Coupling,
+    start_skew_ms: Option<f64>,
+    max_divergence_ms: Option<f64>,
+}
+
+impl Together {
+    /// In words: `time_synced, divergence 0.8 ms`.
+    fn words(&self) -> String {
+        let mut words = words::coupling(self.coupling).to_owned();
+        if let Some(skew) = self.start_skew_ms {
+            words.push_str(&format!(", start skew {} ms", words::tidy(skew, 2)));
+        }
+        if let Some(divergence) = self.max_divergence_ms {
+            words.push_str(&format!(", divergence {} ms", words::tidy(divergence, 2)));
+        }
+        words
+    }
 }
 
 /// How waiting for a motion ended.
@@ -208,6 +232,9 @@ pub(crate) fn progress_line(title: &str, view: &MotionView) -> String {
         };
         line.push_str(&text);
     }
+    if let Some(together) = &view.together {
+        line.push_str(&format!("  {}", together.words()));
+    }
     line
 }
 
@@ -223,6 +250,9 @@ pub(crate) fn end_line(title: &str, view: &MotionView) -> String {
         line.push_str(": ");
         line.push_str(&words::denial(reason));
     }
+    if let Some(together) = &view.together {
+        line.push_str(&format!(" ({})", together.words()));
+    }
     line
 }
 
@@ -235,6 +265,7 @@ impl From<MotionStatus> for MotionView {
             duration_s: status.duration_s,
             reason: status.reason,
             parts: Vec::new(),
+            together: None,
         }
     }
 }
@@ -242,6 +273,11 @@ impl From<MotionStatus> for MotionView {
 impl From<CellMotionStatus> for MotionView {
     fn from(status: CellMotionStatus) -> Self {
         let message = serde_json::to_value(&status).unwrap_or_default();
+        let together = Together {
+            coupling: status.coupling,
+            start_skew_ms: status.start_skew_ms,
+            max_divergence_ms: status.max_divergence_ms,
+        };
         let longest = status.parts.values().map(|part| part.elapsed_s).fold(0.0, f64::max);
         Self {
             message,
@@ -250,6 +286,7 @@ impl From<CellMotionStatus> for MotionView {
             duration_s: status.duration_s,
             reason: status.reason,
             parts: status.parts.into_iter().collect(),
+            together: Some(together),
         }
     }
 }
@@ -374,6 +411,7 @@ mod tests {
             duration_s: 4.0,
             reason: None,
             parts: Vec::new(),
+            together: None,
             message: Value::Null,
         }
     }
@@ -397,6 +435,17 @@ mod tests {
         let mut view = view(ActionStatus::Failed);
         view.reason = Some(Denial::new(DenialCode::Stopped, "a stop came"));
         assert_eq!(end_line("torso", &view), "torso: failed after 1.0 s: a stop came (stopped)");
+    }
+
+    #[test]
+    fn a_motion_of_several_robots_tells_how_it_kept_them_together() {
+        let text = include_str!("../../../protocol/golden/cell_motion_status.json");
+        let status: CellMotionStatus = serde_json::from_str(text).expect("the golden sample");
+        let view = MotionView::from(status);
+        let words = "time_synced, start skew 0.25 ms, divergence 0.75 ms";
+        assert!(progress_line("lift", &view).ends_with(words));
+        let end = MotionView { status: ActionStatus::Complete, ..view };
+        assert_eq!(end_line("lift", &end), format!("lift: complete after 0.5 s ({words})"));
     }
 
     #[test]

@@ -3,9 +3,9 @@
 use armada_model::{JointType, Pose, Twist};
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    ActionStatus, CellVerdict, ClearBy, CommandMode, ControllerState, Denial, Fault, Lease,
-    LoopStatistics, MotionProgress, OperationalMode, Presence, SchedulingPolicy, StopLatch,
-    StopStage, StreamStatistics,
+    ActionStatus, AuthorityState, CellVerdict, ClearBy, CommandMode, ControllerState, Coupling,
+    Denial, Fault, Lease, LoopStatistics, MotionProgress, OperationalMode, Presence, Role,
+    SchedulingPolicy, StopLatch, StopSourceStatus, StopStage, StreamStatistics,
 };
 use serde::Serialize;
 
@@ -103,18 +103,59 @@ pub(crate) fn stop(latch: Option<&StopLatch>) -> String {
     latch.map_or_else(|| "-".to_owned(), |stop| format!("{:?} {}", stop.level, stage(stop.stage)))
 }
 
-/// A lease in one cell of a table.
-pub(crate) fn lease(lease: Option<&Lease>) -> String {
-    lease.map_or_else(
-        || "-".to_owned(),
-        |lease| {
-            if lease.stale {
-                format!("{} (has run out)", lease.holder)
-            } else {
-                format!("{} {:.1} s", lease.holder, lease.remaining_ms as f64 / 1e3)
-            }
-        },
-    )
+/// Who may command, in one cell of a table: `planner (program) 3.2 s`.
+pub(crate) fn authority(state: Option<AuthorityState>, lease: Option<&Lease>) -> String {
+    match (state, lease) {
+        (Some(AuthorityState::Local), _) => "the pendant".to_owned(),
+        (Some(AuthorityState::Inhibited), _) => "nobody, it is stopped".to_owned(),
+        (_, Some(lease)) => self::lease(lease),
+        (Some(_), None) => "anybody".to_owned(),
+        (None, None) => "-".to_owned(),
+    }
+}
+
+/// A lease with its holder: `planner (program) 3.2 s, and gripper-ui`.
+pub(crate) fn lease(lease: &Lease) -> String {
+    let Lease { holder, stale, remaining_ms, delegates, .. } = lease;
+    let left = if *stale { "has run out".to_owned() } else { seconds_left(*remaining_ms) };
+    let mut text = format!("{holder} ({}) {left}", role(lease.role));
+    for delegate in delegates {
+        text.push_str(&format!(", and {}", delegate.holder));
+    }
+    text
+}
+
+/// A time that is left: `3.2 s`.
+pub(crate) fn seconds_left(remaining_ms: u64) -> String {
+    format!("{:.1} s", remaining_ms as f64 / 1e3)
+}
+
+/// As what somebody commands.
+pub(crate) const fn role(role: Role) -> &'static str {
+    match role {
+        Role::Program => "program",
+        Role::Operator => "operator",
+        Role::Supervisor => "supervisor",
+    }
+}
+
+/// How closely robots are tied together.
+pub(crate) const fn coupling(coupling: Coupling) -> &'static str {
+    match coupling {
+        Coupling::Independent => "independent",
+        Coupling::TimeSynced => "time_synced",
+        Coupling::Rigid => "rigid",
+    }
+}
+
+/// A source of stops: `door_1 released, heard 42 ms ago`.
+pub(crate) fn stop_source(source: &StopSourceStatus) -> String {
+    let name = &source.source;
+    let state = if source.pressed { "PRESSED or silent" } else { "released" };
+    let heard = source
+        .age_ms
+        .map_or_else(|| "never heard".to_owned(), |age| format!("heard {age:.0} ms ago"));
+    format!("{name} {state}, {heard}")
 }
 
 /// How fast a frame moves: `0.120 m/s 0.50 rad/s`; nothing if it is not known.
@@ -130,7 +171,25 @@ pub(crate) fn stream(stream: &StreamStatistics) -> String {
     let StreamStatistics { taken, dropped, limited, age_ms, starved, .. } = *stream;
     let limited = if limited > 0 { format!(", {limited} limited") } else { String::new() };
     let starved = if starved { ", STARVED: the robot comes to rest" } else { "" };
-    format!("stream: {taken} taken, {dropped} dropped{limited}, newest {age_ms:.0} ms old{starved}")
+    let link = link_quality(stream);
+    format!(
+        "stream: {taken} taken, {dropped} dropped{limited}, newest {age_ms:.0} ms old{link}{starved}"
+    )
+}
+
+/// What its link does to a stream; nothing if the link is good.
+fn link_quality(stream: &StreamStatistics) -> String {
+    let StreamStatistics { jitter_ms, loss, allowed, .. } = *stream;
+    let mut text = String::new();
+    if jitter_ms >= 0.05 || loss > 0.0 {
+        text = format!(", jitter {} ms, loss {} %", tidy(jitter_ms, 1), tidy(loss * 1e2, 1));
+    }
+    if allowed <= 0.0 {
+        text.push_str(", REFUSED: its link is too bad");
+    } else if allowed < 1.0 {
+        text.push_str(&format!(", SLOWED to {:.0} % because of its link", allowed * 1e2));
+    }
+    text
 }
 
 /// What a motion in progress does besides going on as planned; nothing if that is all.
@@ -281,8 +340,53 @@ mod tests {
             loss: 0.0,
             allowed: 1.0,
         };
-        assert_eq!(stream(&stream_of(false)), "stream: 9 taken, 1 dropped, newest 4 ms old");
+        assert_eq!(
+            stream(&stream_of(false)),
+            "stream: 9 taken, 1 dropped, newest 4 ms old, jitter 0.4 ms, loss 0.0 %"
+        );
         assert!(stream(&stream_of(true)).ends_with("STARVED: the robot comes to rest"));
+    }
+
+    #[test]
+    fn a_link_that_slows_a_stream_is_told_and_a_good_one_is_not() {
+        let on = |jitter_ms, loss, allowed| {
+            let (taken, dropped, limited, age_ms, starved) = (9, 0, 0, 4.0, false);
+            stream(&StreamStatistics {
+                taken,
+                dropped,
+                limited,
+                age_ms,
+                starved,
+                jitter_ms,
+                loss,
+                allowed,
+            })
+        };
+        assert_eq!(on(0.0, 0.0, 1.0), "stream: 9 taken, 0 dropped, newest 4 ms old");
+        assert!(
+            on(6.0, 0.05, 0.5)
+                .ends_with("jitter 6.0 ms, loss 5.0 %, SLOWED to 50 % because of its link")
+        );
+        assert!(on(30.0, 0.2, 0.0).ends_with("REFUSED: its link is too bad"));
+    }
+
+    #[test]
+    fn who_may_command_is_told_with_role_and_delegates() {
+        let text = include_str!("../../../protocol/golden/robot_status.json");
+        let status: armada_protocol::messages::RobotStatus =
+            serde_json::from_str(text).expect("the golden sample");
+        let lease = status.lease.as_ref();
+        assert_eq!(authority(Some(status.authority), lease), "nobody, it is stopped");
+        let held = "planner (operator) 0.8 s, and gripper-ui";
+        assert_eq!(authority(Some(AuthorityState::Held), lease), held);
+        assert_eq!(authority(None, lease), held);
+        assert_eq!(authority(Some(AuthorityState::Local), lease), "the pendant");
+        assert_eq!(authority(Some(AuthorityState::Free), None), "anybody");
+        assert_eq!(authority(None, None), "-");
+        assert_eq!(
+            stop_source(&status.stop_sources[0]),
+            "door_1 PRESSED or silent, heard 42 ms ago"
+        );
     }
 
     #[test]

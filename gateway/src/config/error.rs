@@ -35,7 +35,7 @@ pub enum CellConfigError {
 }
 
 /// A place in a text and what is wrong there.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Excerpt {
     /// Line, counted from 1; 0 if the place is not known.
     pub line: u64,
@@ -57,7 +57,7 @@ impl fmt::Display for Excerpt {
 }
 
 /// What makes no sense in a cell file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CellProblem {
     /// The name of the cell is not one chunk of a key.
     #[error("cell {0:?} is not a name: 1 to 64 of a-z, 0-9 and _, beginning with a letter")]
@@ -119,11 +119,21 @@ pub enum CellProblem {
     TimerRange {
         /// The timer.
         name: String,
-        /// Its value.
-        value: u64,
-        /// Lowest value.
-        low: u64,
-        /// Highest value.
-        high: u64,
+        /// Its value \[ms\].
+        value: f64,
+        /// Lowest value \[ms\].
+        low: f64,
+        /// Highest value \[ms\].
+        high: f64,
+    },
+    /// The distance that robots must keep lies outside its range.
+    #[error("clearance.required_m is {value} m, expected {low} to {high}")]
+    RequiredRange {
+        /// Its value \[m\].
+        value: f64,
+        /// Lowest value \[m\].
+        low: f64,
+        /// Highest value \[m\].
+        high: f64,
     },
 }

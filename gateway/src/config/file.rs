@@ -21,7 +21,18 @@ pub(super) struct CellFile {
     pub(super) gateway: GatewaySection,
     pub(super) robots: InOrder<RobotSection>,
     #[serde(default)]
-    pub(super) motion: BTreeMap<String, Spanned<u64>>,
+    pub(super) motion: BTreeMap<String, Spanned<f64>>,
+    #[serde(default)]
+    pub(super) clearance: ClearanceSection,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClearanceSection {
+    #[serde(default)]
+    pub(super) required_m: Option<Spanned<f64>>,
+    #[serde(default)]
+    pub(super) check: Option<bool>,
 }
 
 #[derive(Default, serde::Deserialize)]

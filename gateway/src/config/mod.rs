@@ -34,6 +34,8 @@ pub struct CellConfig {
     pub robots: Vec<RobotEntry>,
     /// Timers of motions of several robots.
     pub motion: MotionTimers,
+    /// How near robots may come to each other on such a motion.
+    pub clearance: ClearanceConfig,
 }
 
 /// One robot of a cell.
@@ -60,16 +62,35 @@ pub struct MotionTimers {
     pub silence: Duration,
     /// Time that parts get to stand still after a cancel or a failure.
     pub ending: Duration,
+    /// How well the clock of each agent must be known where robots are tied together.
+    pub clock_budget: Duration,
 }
 
 impl Default for MotionTimers {
-    /// 150 ms, 1 s, 3 s.
+    /// 150 ms, 1 s, 3 s, 2 ms.
     fn default() -> Self {
         Self {
             start_lead: Duration::from_millis(150),
             silence: Duration::from_secs(1),
             ending: Duration::from_secs(3),
+            clock_budget: Duration::from_millis(2),
         }
+    }
+}
+
+/// How near robots may come to each other on a motion of several.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClearanceConfig {
+    /// The least distance between two robots \[m\].
+    pub required_m: f64,
+    /// Whether every motion of several robots is checked before it begins.
+    pub check: bool,
+}
+
+impl Default for ClearanceConfig {
+    /// 10 mm, checked.
+    fn default() -> Self {
+        Self { required_m: 0.01, check: true }
     }
 }
 

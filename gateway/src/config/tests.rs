@@ -28,6 +28,7 @@ fn a_file_without_options_has_the_documented_defaults() {
     assert_eq!(config.listen, ["tcp/127.0.0.1:7447"]);
     assert_eq!(config.namespace, None);
     assert_eq!(config.motion, MotionTimers::default());
+    assert_eq!(config.clearance, ClearanceConfig { required_m: 0.01, check: true });
     assert!(!config.robots[0].emulate);
     assert_eq!(config.robots[0].mount, Mount { parent: "world".into(), pose: Default::default() });
 }
@@ -47,7 +48,8 @@ fn robots_stay_in_order_and_files_are_beside_the_cell_file() {
 fn every_section_is_read() {
     let text = format!(
         "namespace: site/cell-7\ngateway: {{listen: [unixsock-stream//run/a.sock]}}\n\
-         motion: {{start_lead_ms: 300, silence_ms: 500, ending_ms: 2000}}\n{}",
+         motion: {{start_lead_ms: 300, silence_ms: 500, ending_ms: 2000, clock_budget_ms: 1.5}}\n\
+         clearance: {{required_m: 0.05, check: false}}\n{}",
         with_robots(TWO)
     );
     let config = parse(&text).expect("valid");
@@ -56,6 +58,8 @@ fn every_section_is_read() {
     assert_eq!(config.motion.start_lead, Duration::from_millis(300));
     assert_eq!(config.motion.silence, Duration::from_millis(500));
     assert_eq!(config.motion.ending, Duration::from_secs(2));
+    assert_eq!(config.motion.clock_budget, Duration::from_micros(1_500));
+    assert_eq!(config.clearance, ClearanceConfig { required_m: 0.05, check: false });
 }
 
 #[test]
@@ -98,6 +102,8 @@ fn every_kind_of_senseless_value_is_refused() {
         (two.replace("torso/carriage", "torso"), "is neither world nor ROBOT/LINK"),
         (two.replace("torso/carriage", "arm/tool0"), "mount of arm never reaches the world"),
         (format!("motion: {{start_lead_ms: 1}}\n{two}"), "start_lead_ms is 1 ms, expected 20 to"),
+        (format!("motion: {{clock_budget_ms: 60}}\n{two}"), "is 60 ms, expected 0.1 to 50"),
+        (format!("clearance: {{required_m: 0}}\n{two}"), "required_m is 0 m, expected 0.001 to 1"),
         (format!("motion: {{lead_ms: 1}}\n{two}"), "no timer \"lead_ms\", it has start_lead_ms,"),
     ] {
         let error = refusal(&text);

@@ -10,14 +10,20 @@ use armada_protocol::session::DEFAULT_GATEWAY_ENDPOINT;
 use serde_saphyr::{Location, Spanned};
 
 use super::error::CellProblem;
-use super::file::{CellFile, MountSection, RobotSection};
-use super::{CellConfig, CellConfigError, Excerpt, MotionTimers, RobotEntry};
+use super::file::{CellFile, ClearanceSection, MountSection, RobotSection};
+use super::{CellConfig, CellConfigError, ClearanceConfig, Excerpt, MotionTimers, RobotEntry};
 
 /// Most robots one cell may have.
 const MAX_ROBOTS: usize = 64;
 /// Name, least and greatest value \[ms\] of each timer.
-const TIMERS: [(&str, u64, u64); 3] =
-    [("start_lead_ms", 20, 5_000), ("silence_ms", 200, 10_000), ("ending_ms", 500, 30_000)];
+const TIMERS: [(&str, f64, f64); 4] = [
+    ("start_lead_ms", 20.0, 5_000.0),
+    ("silence_ms", 200.0, 10_000.0),
+    ("ending_ms", 500.0, 30_000.0),
+    ("clock_budget_ms", 0.1, 50.0),
+];
+/// Least and greatest distance that can be required \[m\].
+const REQUIRED_M: (f64, f64) = (0.001, 1.0);
 
 /// A problem and where it is.
 type At<T> = Result<T, (Location, CellProblem)>;
@@ -66,7 +72,8 @@ fn config(file: CellFile, folder: &Path) -> At<CellConfig> {
         robots.push(robot(name, section, folder));
     }
     let motion = timers(file.motion)?;
-    Ok(CellConfig { cell: file.cell.value, namespace, listen, robots, motion })
+    let clearance = clearance(file.clearance)?;
+    Ok(CellConfig { cell: file.cell.value, namespace, listen, robots, motion, clearance })
 }
 
 fn robot(name: RobotName, section: RobotSection, folder: &Path) -> RobotEntry {
@@ -185,23 +192,37 @@ fn robot_of_parent<'p>(
     })
 }
 
-fn timers(given: BTreeMap<String, Spanned<u64>>) -> At<MotionTimers> {
+fn timers(given: BTreeMap<String, Spanned<f64>>) -> At<MotionTimers> {
     let mut timers = MotionTimers::default();
     for (name, value) in given {
         let Some((_, low, high)) = TIMERS.into_iter().find(|(known, ..)| *known == name) else {
             let known = TIMERS.map(|(known, ..)| known).join(", ");
             return Err((value.referenced, CellProblem::TimerUnknown { name, known }));
         };
-        if value.value < low || value.value > high {
+        if !(low..=high).contains(&value.value) {
             let problem = CellProblem::TimerRange { name, value: value.value, low, high };
             return Err((value.referenced, problem));
         }
-        let duration = Duration::from_millis(value.value);
+        let duration = Duration::from_secs_f64(1e-3 * value.value);
         match name.as_str() {
             "start_lead_ms" => timers.start_lead = duration,
             "silence_ms" => timers.silence = duration,
+            "clock_budget_ms" => timers.clock_budget = duration,
             _ => timers.ending = duration,
         }
     }
     Ok(timers)
+}
+
+fn clearance(section: ClearanceSection) -> At<ClearanceConfig> {
+    let mut clearance = ClearanceConfig::default();
+    if let Some(required) = section.required_m {
+        let ((low, high), value) = (REQUIRED_M, required.value);
+        if !(low..=high).contains(&value) {
+            return Err((required.referenced, CellProblem::RequiredRange { value, low, high }));
+        }
+        clearance.required_m = value;
+    }
+    clearance.check = section.check.unwrap_or(clearance.check);
+    Ok(clearance)
 }

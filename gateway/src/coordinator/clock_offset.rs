@@ -22,6 +22,13 @@ pub(super) struct Offset {
     pub(super) bound_ns: u64,
 }
 
+impl Offset {
+    /// Whether both cannot be true.
+    const fn excludes(&self, offset_ns: i64, bound_ns: u64) -> bool {
+        self.offset_ns.abs_diff(offset_ns) > self.bound_ns.saturating_add(bound_ns)
+    }
+}
+
 /// The last round trips to one run of an agent.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ClockOffset {
@@ -52,6 +59,11 @@ impl ClockOffset {
         let middle = sent + round_trip / 2;
         let offset = i128::from(stamp.as_nanos()) - i128::from(middle.as_nanos());
         let Ok(offset_ns) = i64::try_from(offset) else { return };
+        let bound_ns = nanos(round_trip / 2);
+        if self.best(received).is_some_and(|best| best.excludes(offset_ns, bound_ns)) {
+            // One of the clocks has stepped: what was measured before is of another time.
+            self.trips.clear();
+        }
         if self.trips.len() == KEPT {
             self.trips.pop_front();
         }
@@ -65,6 +77,11 @@ impl ClockOffset {
             bound_ns: nanos(trip.round_trip / 2) + drift_ns(now.saturating_since(trip.received)),
         };
         self.recent(now).map(bounded).min_by_key(|offset| offset.bound_ns)
+    }
+
+    /// When the last round trip ended.
+    pub(super) fn measured(&self) -> Option<MonoTime> {
+        self.trips.back().map(|trip| trip.received)
     }
 
     /// The slowest of the last round trips.
@@ -125,6 +142,15 @@ mod tests {
         clock.add(RUN, ms(17_003), ms(17_000), ms(17_004));
         assert_eq!(clock.best(ms(17_004)).expect("measured").bound_ns, 2_000_000);
         assert_eq!(clock.slowest_round_trip(ms(17_004)), Duration::from_millis(4));
+    }
+
+    #[test]
+    fn a_clock_that_stepped_is_measured_anew() {
+        let mut clock = ClockOffset::default();
+        clock.add(RUN, ms(1_000), ms(0), ms(1));
+        clock.add(RUN, ms(1_600), ms(100), ms(104));
+        let best = clock.best(ms(104)).expect("measured");
+        assert_eq!(best, Offset { offset_ns: 1_498_000_000, bound_ns: 2_000_000 });
     }
 
     #[test]

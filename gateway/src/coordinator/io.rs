@@ -1,14 +1,19 @@
 //! What goes into the coordinator and what comes out of it.
 
-use armada_model::{JointTrajectory, MonoTime};
+use armada_model::MonoTime;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    Accepted, CellMotionStatus, CellResetAnswer, CellResetParams, CellStatus, ClockSample,
-    CommandMode, CommitParams, Denial, Event, ModeAnswer, MotionStatus, PrepareParams, Prepared,
-    ResetAnswer, ResetParams, RobotInfo, RobotState, RobotStatus, StopAck, StopReport, StopRequest,
+    Accepted, AcquireLeaseParams, CellAcquireLeaseParams, CellExecuteTrajectory, CellLeaseParams,
+    CellMotionStatus, CellResetAnswer, CellResetParams, CellStatus, CheckClearanceParams,
+    ClearanceAnswer, ClockSample, CommandMode, CommitParams, Denial, Event, GroupLease,
+    GroupLeaseReleased, LeaseGrant, ModeAnswer, MotionStatus, PrepareParams, Prepared,
+    RenewLeaseParams, ResetAnswer, ResetParams, RobotInfo, RobotState, RobotStatus,
+    SpeedRatioAnswer, StopAck, StopReport, StopRequest,
 };
 use std::time::Duration;
 use uuid::Uuid;
+
+use crate::world::{ClearanceReport, ClearanceRequest};
 
 /// A request that waits for its one answer; the number is the runtime's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -17,6 +22,10 @@ pub struct Ticket(pub u64);
 /// A question to an agent that waits for its one answer; the number is the coordinator's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AskId(pub u64);
+
+/// A check of clearances under way; the number is the coordinator's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct CheckId(pub u64);
 
 /// Something that happened.
 #[derive(Clone, Debug)]
@@ -65,6 +74,15 @@ pub enum Input {
         /// What the agent says.
         result: Result<AgentAnswer, Denial>,
     },
+    /// The one result of [`Action::CheckClearance`].
+    Clearance {
+        /// Which check.
+        check: CheckId,
+        /// How near the robots come, or why that cannot be told.
+        result: Result<ClearanceReport, Denial>,
+    },
+    /// Something that a robot's agent put on record.
+    RobotEvent(Box<Event>),
     /// A robot's description cannot be used.
     ModelRejected {
         /// Which robot.
@@ -85,18 +103,46 @@ pub enum CellRequest {
     ExecuteTrajectory {
         /// Identity of the motion, chosen by the client or made by the runtime.
         motion_id: Uuid,
-        /// Joints are named `robot/joint`.
-        trajectory: JointTrajectory,
+        /// The rest.
+        params: Box<CellExecuteTrajectory>,
     },
     /// End a motion.
     Cancel {
         /// Which motion.
         motion_id: Uuid,
     },
+    /// Change a motion that goes on.
+    Control {
+        /// Which motion.
+        motion_id: Uuid,
+        /// A lease of one of its robots, which shows that the client may use all of them.
+        lease: Option<Uuid>,
+        /// How.
+        control: Control,
+    },
+    /// Get the leases of several robots, all or none.
+    AcquireLease(CellAcquireLeaseParams),
+    /// Keep the leases of several robots.
+    RenewLease(CellLeaseParams),
+    /// Give the leases of several robots back.
+    ReleaseLease(CellLeaseParams),
+    /// Tell how near robots come to each other.
+    CheckClearance(Box<CheckClearanceParams>),
     /// Stop robots.
     Stop(StopRequest),
     /// Clear latched stops.
     Reset(CellResetParams),
+}
+
+/// A change of a motion that goes on, in which all its robots join.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Control {
+    /// Come to rest on the path.
+    Pause,
+    /// Go on.
+    Resume,
+    /// Go at this speed over that of the trajectory.
+    SpeedRatio(f64),
 }
 
 /// What the coordinator asks an agent.
@@ -122,6 +168,14 @@ pub enum AgentCall {
     Stop(StopRequest),
     /// Clear these stops.
     Reset(Box<ResetParams>),
+    /// Change a motion that goes on.
+    Control(Uuid, Control),
+    /// Grant the right to command.
+    AcquireLease(AcquireLeaseParams),
+    /// Keep it.
+    RenewLease(RenewLeaseParams),
+    /// Take it back.
+    ReleaseLease(Uuid),
 }
 
 /// What an agent answers, in the order of [`AgentCall`].
@@ -154,6 +208,14 @@ pub enum AgentAnswer {
     Stop(StopAck),
     /// The stops that were cleared.
     Reset(ResetAnswer),
+    /// The motion is paused or goes on.
+    Controlled,
+    /// The speed now in force.
+    SpeedRatio(SpeedRatioAnswer),
+    /// The lease was granted or renewed.
+    Lease(LeaseGrant),
+    /// The lease was taken back.
+    LeaseReleased,
 }
 
 /// What is answered to a client.
@@ -167,6 +229,16 @@ pub enum CellAnswer {
     Stopped(StopReport),
     /// What was reset and what not.
     Reset(CellResetAnswer),
+    /// Every robot is paused or goes on.
+    Controlled,
+    /// The speed that all robots now have.
+    SpeedRatio(SpeedRatioAnswer),
+    /// The lease of each robot.
+    Lease(GroupLease),
+    /// Which leases were given back.
+    LeaseReleased(GroupLeaseReleased),
+    /// How near the robots come.
+    Clearance(ClearanceAnswer),
 }
 
 /// What the runtime is to do, at once and without waiting.
@@ -180,6 +252,8 @@ pub enum Action {
         robot: RobotName,
         /// On whose behalf.
         client: String,
+        /// The lease under which it is asked.
+        lease: Option<Uuid>,
         /// What.
         call: AgentCall,
         /// How long to wait.
@@ -191,6 +265,13 @@ pub enum Action {
         ticket: Ticket,
         /// The answer.
         result: Result<CellAnswer, Denial>,
+    },
+    /// Work out how near robots come, away from this task; [`Input::Clearance`] must follow.
+    CheckClearance {
+        /// What the result must carry.
+        check: CheckId,
+        /// Which motion.
+        request: Box<ClearanceRequest>,
     },
     /// Publish the condition of the cell.
     PublishStatus(Box<CellStatus>),

@@ -39,9 +39,13 @@ impl Coordinator {
         let (kind, message) = (EventKind::PresenceChanged, format!("{robot}: {what}"));
         let (named, details) = (Some(robot), Map::new());
         self.outbox.record(now, Happening { severity, kind, robot: named, message, details });
-        if !online {
-            self.each_group(now, |group, cx| group.on_lost(robot, "its agent is gone", cx));
-        }
+        self.each_group(now, |group, cx| {
+            if online {
+                group.on_back(robot, cx);
+            } else {
+                group.on_lost(robot, "its agent is gone", cx);
+            }
+        });
     }
 
     /// The record of a robot, if the message is of its current run or begins a new one.

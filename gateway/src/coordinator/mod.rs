@@ -12,23 +12,30 @@
 //! | `knowledge`, `robot`, `clock_offset` | what is known of each robot, and of its agent's clock |
 //! | `requests`, `plan` | taking a request apart, and what refuses it |
 //! | `group` | one motion of several robots, from request to terminal status |
+//! | `control` | pause, resume and speed of one |
+//! | `clearance` | whether robots come too near, worked out elsewhere |
+//! | `lease` | leases of several robots, all or none |
 //! | `stop`, `reset` | one stop or reset of the cell |
+//! | `fan_in` | every robot's events in one stream |
 //! | `upkeep`, `cell_status`, `outbox` | what time asks for, and what goes out |
 //!
 //! Invariants: every request is answered once; nothing is committed before all parts are
-//! prepared; an accepted motion has one terminal status; when one part fails all are aborted;
-//! events have no gap in their numbers; a stop is never refused and waits for nothing.
+//! prepared and found clear of each other; an accepted motion has one terminal status; a part that
+//! is known to have failed ends all others; of several leases all are granted or none; events have
+//! no gap in their numbers; a stop is never refused and waits for nothing.
 //!
-//! Not here yet: who may command (leases), whose place is a module `authority` asked by
-//! [`Coordinator::handle`] before a request is begun; and coupled motion, in which agents watch
-//! each other directly: it replaces the supervision in `group` after the commit, so that the
-//! gateway may vanish.
+//! Who may command is decided by each agent alone: the gateway passes on the leases that clients
+//! give it, holds none, and on a new start adopts nothing of what goes on.
 
 mod cell_status;
+mod clearance;
 mod clock_offset;
+mod control;
+mod fan_in;
 mod group;
 mod io;
 mod knowledge;
+mod lease;
 mod outbox;
 mod plan;
 mod requests;
@@ -48,11 +55,17 @@ use armada_protocol::messages::{Denial, EventKind, Severity};
 use serde_json::Map;
 use uuid::Uuid;
 
-pub use io::{Action, AgentAnswer, AgentCall, AskId, CellAnswer, CellRequest, Input, Ticket};
+pub use fan_in::ROBOT_SEQNO;
+pub use io::{
+    Action, AgentAnswer, AgentCall, AskId, CellAnswer, CellRequest, CheckId, Control, Input, Ticket,
+};
 
-use crate::config::MotionTimers;
+use crate::config::{ClearanceConfig, MotionTimers};
 use cell_status::StatusSchedule;
+use control::ControlOperation;
+use fan_in::Heard;
 use group::{Context, Group};
+use lease::LeaseOperation;
 use outbox::{CallKind, Happening, Outbox, Pending, Purpose};
 use reset::ResetOperation;
 use robot::RobotRecord;
@@ -72,6 +85,8 @@ pub struct CoordinatorConfig {
     pub robots: Vec<RobotName>,
     /// Timers of motions.
     pub timers: MotionTimers,
+    /// How near robots may come to each other.
+    pub clearance: ClearanceConfig,
 }
 
 /// The deciding part of a gateway.
@@ -79,6 +94,7 @@ pub struct CoordinatorConfig {
 pub struct Coordinator {
     cell: String,
     timers: MotionTimers,
+    clearance: ClearanceConfig,
     robots: BTreeMap<RobotName, RobotRecord>,
     groups: BTreeMap<Uuid, Group>,
     /// Motions that are over, oldest first.
@@ -89,7 +105,11 @@ pub struct Coordinator {
     /// When a stop for each robot was heard last.
     stop_heard: BTreeMap<RobotName, MonoTime>,
     resets: BTreeMap<u64, ResetOperation>,
-    next_reset: u64,
+    controls: BTreeMap<u64, ControlOperation>,
+    leases: BTreeMap<u64, LeaseOperation>,
+    /// Number of the next reset, control or lease.
+    next_number: u64,
+    heard_events: BTreeMap<RobotName, Heard>,
     schedule: StatusSchedule,
     outbox: Outbox,
 }
@@ -105,6 +125,7 @@ impl Coordinator {
         Self {
             cell: config.cell,
             timers: config.timers,
+            clearance: config.clearance,
             robots: config.robots.into_iter().map(|r| (r, RobotRecord::default())).collect(),
             groups: BTreeMap::new(),
             ended: VecDeque::new(),
@@ -112,7 +133,10 @@ impl Coordinator {
             heard_stops: VecDeque::new(),
             stop_heard: BTreeMap::new(),
             resets: BTreeMap::new(),
-            next_reset: 0,
+            controls: BTreeMap::new(),
+            leases: BTreeMap::new(),
+            next_number: 0,
+            heard_events: BTreeMap::new(),
             schedule: StatusSchedule::new(),
             outbox,
         }
@@ -142,6 +166,8 @@ impl Coordinator {
                 self.on_request(ticket, client, request, now);
             }
             Input::Answer { ask, result } => self.on_answer(ask, result, now),
+            Input::Clearance { check, result } => self.on_clearance(check, result, now),
+            Input::RobotEvent(event) => self.on_robot_event(*event, now),
             Input::ModelRejected { robot, message } => {
                 let (severity, kind) = (Severity::Error, EventKind::ModelRejected);
                 let (robot, details) = (Some(&robot), Map::new());
@@ -170,7 +196,11 @@ impl Coordinator {
     /// Whether nothing is in progress that a client or a robot waits for.
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        self.groups.is_empty() && self.stops.is_empty() && self.resets.is_empty()
+        self.groups.is_empty()
+            && self.stops.is_empty()
+            && self.resets.is_empty()
+            && self.controls.is_empty()
+            && self.leases.is_empty()
     }
 
     fn on_answer(&mut self, ask: AskId, result: Result<AgentAnswer, Denial>, now: MonoTime) {
@@ -186,6 +216,16 @@ impl Coordinator {
             Purpose::Reset(number) => {
                 if let Some(reset) = self.resets.get_mut(&number) {
                     reset.on_answer(&robot, result, &mut self.outbox);
+                }
+            }
+            Purpose::Control(number) => {
+                if let Some(control) = self.controls.get_mut(&number) {
+                    control.on_answer(&robot, result, &mut self.outbox);
+                }
+            }
+            Purpose::Lease(number) => {
+                if let Some(lease) = self.leases.get_mut(&number) {
+                    lease.on_answer(&robot, call, result, now, &mut self.outbox);
                 }
             }
             Purpose::Group(id) => {
@@ -205,17 +245,24 @@ impl Coordinator {
     fn on_ending(&mut self, now: MonoTime) {
         let message = format!("gateway of {} ends", self.cell);
         self.outbox.record(now, own_happening(EventKind::Ending, Severity::Info, message));
-        // Nobody would watch them any more.
+        // What runs goes on: its robots watch each other.
         self.each_group(now, |group, cx| group.on_ending(cx));
     }
 
+    const fn next_number(&mut self) -> u64 {
+        let number = self.next_number;
+        self.next_number += 1;
+        number
+    }
+
     const fn context(&mut self, now: MonoTime) -> Context<'_> {
-        Context { now, robots: &self.robots, timers: &self.timers, outbox: &mut self.outbox }
+        let (robots, timers, clearance) = (&self.robots, &self.timers, &self.clearance);
+        Context { now, robots, timers, clearance, outbox: &mut self.outbox }
     }
 
     fn each_group(&mut self, now: MonoTime, mut act: impl FnMut(&mut Group, &mut Context<'_>)) {
-        let (robots, timers, outbox) = (&self.robots, &self.timers, &mut self.outbox);
-        let mut cx = Context { now, robots, timers, outbox };
+        let (robots, timers, clearance) = (&self.robots, &self.timers, &self.clearance);
+        let mut cx = Context { now, robots, timers, clearance, outbox: &mut self.outbox };
         for group in self.groups.values_mut() {
             act(group, &mut cx);
         }
@@ -228,9 +275,9 @@ impl Coordinator {
         now: MonoTime,
         act: impl FnOnce(&mut Group, &mut Context<'_>),
     ) -> bool {
-        let (robots, timers, outbox) = (&self.robots, &self.timers, &mut self.outbox);
+        let (robots, timers, clearance) = (&self.robots, &self.timers, &self.clearance);
         let Some(group) = self.groups.get_mut(&id) else { return false };
-        act(group, &mut Context { now, robots, timers, outbox });
+        act(group, &mut Context { now, robots, timers, clearance, outbox: &mut self.outbox });
         true
     }
 }

@@ -4,9 +4,19 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use armada_model::JointTrajectory;
 use armada_protocol::RobotName;
-use armada_protocol::messages::{CommandMode, Denial, DenialCode, RobotStatus};
+use armada_protocol::messages::{
+    CellExecuteTrajectory, CommandMode, Denial, DenialCode, GroupReadiness, LeaseLoss,
+    OperationalMode, Prepared, RobotStatus,
+};
 
 use super::robot::RobotRecord;
+
+/// Longest time a motion may go on without its lease \[s\].
+const MAX_CONTINUE_S: f64 = 60.0;
+/// Longest way to rest that is believed \[s\].
+const MAX_STOP_TIME_S: f64 = 60.0;
+/// Greatest lateness of a controller that is made up for \[ms\].
+const MAX_LAG_MS: f64 = 1_000.0;
 
 /// Splits `trajectory`, whose joints are named `robot/joint`, into one trajectory per robot.
 ///
@@ -39,6 +49,92 @@ pub(super) fn split(
         parts.insert(robot, part);
     }
     Ok(parts)
+}
+
+/// Refuses what a request says of robots that take no part in it, of revisions that are not those
+/// of the robots, and a time to go on that makes no sense.
+pub(super) fn check_terms<T>(
+    params: &CellExecuteTrajectory,
+    parts: &BTreeMap<RobotName, T>,
+    robots: &BTreeMap<RobotName, RobotRecord>,
+) -> Result<(), Denial> {
+    let leases = params.leases.keys().map(|robot| ("leases", robot));
+    let named = leases.chain(params.model_revs.keys().map(|robot| ("model_revs", robot)));
+    for (field, robot) in named {
+        if !parts.contains_key(robot) {
+            let message = format!("{field} names {robot}, which takes no part in the motion");
+            return Err(invalid(message).with("field", field).with("robot", robot.as_str()));
+        }
+    }
+    for (robot, wanted) in &params.model_revs {
+        let known = robots.get(robot).and_then(|record| record.model_rev);
+        if let Some(known) = known.filter(|known| known != wanted) {
+            return Err(stale_model(robot, known, *wanted));
+        }
+    }
+    if let LeaseLoss::ContinueS(time_s) = params.on_lease_loss
+        && !(time_s > 0.0 && time_s <= MAX_CONTINUE_S)
+    {
+        let message =
+            format!("on_lease_loss.continue_s is {time_s}, expected above 0 to {MAX_CONTINUE_S}");
+        let denial = Denial::new(DenialCode::OutOfRange, message);
+        return Err(denial.with("field", "on_lease_loss").with("limit", MAX_CONTINUE_S));
+    }
+    Ok(())
+}
+
+fn stale_model(robot: &RobotName, known: u64, wanted: u64) -> Denial {
+    let message = format!(
+        "its tools and payloads are those of revision {known}, the motion is for {wanted}: plan it anew"
+    );
+    of(robot, DenialCode::StaleModel, &message).with("model_rev", known).with("wanted", wanted)
+}
+
+/// What the agent of `robot` says of its part of a motion with partners.
+///
+/// Refuses an agent that knows nothing of partners, numbers that make no sense, and a description
+/// that the gateway has not got, or the motion was not made for.
+pub(super) fn readiness(
+    robot: &RobotName,
+    prepared: &Prepared,
+    wanted_rev: Option<u64>,
+    known_rev: Option<u64>,
+) -> Result<GroupReadiness, Denial> {
+    let readiness = prepared.group.ok_or_else(|| {
+        let message = "its agent knows nothing of motions with partners, update it";
+        of(robot, DenialCode::NotSupported, message)
+    })?;
+    let numbers = [
+        ("stop_time_s", readiness.stop_time_s, MAX_STOP_TIME_S),
+        ("rate_slope_s", readiness.rate_slope_s, f64::MAX),
+        ("start_travel", readiness.start_travel, f64::MAX),
+        ("controller_lag_ms", readiness.controller_lag_ms, MAX_LAG_MS),
+    ];
+    for (field, value, most) in numbers {
+        if !(0.0..=most).contains(&value) {
+            let message = format!("its agent answers {field} {value}, expected 0 to {most}");
+            let denial = of(robot, DenialCode::OutOfRange, &message);
+            return Err(denial.with("field", field).with("value", value).with("limit", most));
+        }
+    }
+    if let Some(wanted) = wanted_rev.filter(|wanted| *wanted != readiness.model_rev) {
+        return Err(stale_model(robot, readiness.model_rev, wanted));
+    }
+    if known_rev.is_some_and(|known| known != readiness.model_rev) {
+        let message = "the description of its tools and payloads is on its way, try again";
+        return Err(of(robot, DenialCode::NotReady, message));
+    }
+    Ok(readiness)
+}
+
+/// Robots that move within their limits at reduced speed, as their agents take the key switch.
+pub(super) fn reduced(robots: &BTreeMap<RobotName, RobotRecord>) -> BTreeSet<RobotName> {
+    let is_reduced = |record: &RobotRecord| {
+        let mode = record.status.as_ref().map(|status| status.operational_mode);
+        matches!(mode, Some(OperationalMode::ManualReducedSpeed | OperationalMode::Undefined))
+    };
+    let reduced = robots.iter().filter(|(_, record)| is_reduced(record));
+    reduced.map(|(robot, _)| robot.clone()).collect()
 }
 
 fn robot_and_joint<'n>(

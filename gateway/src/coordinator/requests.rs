@@ -5,12 +5,16 @@ use std::time::Duration;
 
 use armada_model::MonoTime;
 use armada_protocol::RobotName;
-use armada_protocol::messages::{Denial, DenialCode, EventKind, Severity, StopRequest};
+use armada_protocol::messages::{
+    CellExecuteTrajectory, Denial, DenialCode, EventKind, Severity, StopRequest,
+};
 use uuid::Uuid;
 
+use super::control::{ControlOperation, ControlOrder};
 use super::group::{Group, Order};
-use super::io::{CellRequest, Ticket};
-use super::reset::ResetOperation;
+use super::io::{CellRequest, Control, Ticket};
+use super::lease::{LeaseOperation, LeaseOrder};
+use super::reset::{ResetOperation, ResetOrder};
 use super::stop::{self, StopOperation};
 use super::{Coordinator, own_happening, plan, remember};
 
@@ -40,35 +44,147 @@ impl Coordinator {
         match request {
             CellRequest::Stop(request) => self.stop(ticket, request, now),
             CellRequest::Reset(params) => {
-                let number = self.next_reset;
-                self.next_reset += 1;
-                let (records, outbox) = (&self.robots, &mut self.outbox);
-                let reset = ResetOperation::begin(number, ticket, client, params, records, outbox);
+                let number = self.next_number();
+                let order = ResetOrder { number, ticket, client, params };
+                let reset = ResetOperation::begin(order, &self.robots, &mut self.outbox);
                 self.resets.insert(number, reset);
             }
-            CellRequest::ExecuteTrajectory { motion_id: id, trajectory } => {
-                let refusal = self.refusal(id);
-                let parts = refusal.map_or_else(|| plan::split(&trajectory, &self.robots), Err);
-                match parts.and_then(|parts| self.free(parts, now)) {
-                    Ok(parts) => {
-                        let order = Order { id, client, ticket, parts };
-                        let group = Group::begin(order, &mut self.context(now));
-                        self.groups.insert(id, group);
-                    }
-                    Err(denial) => self.deny(ticket, &client, denial, now),
-                }
+            CellRequest::ExecuteTrajectory { motion_id, params } => {
+                self.execute(ticket, client, motion_id, *params, now);
+            }
+            CellRequest::Control { motion_id, lease, control } => {
+                let begun = self.control(ticket, &client, (motion_id, lease), control);
+                self.answer_refusal(ticket, &client, begun, now);
+            }
+            CellRequest::AcquireLease(params) => {
+                let begun = self.present(params.robots).and_then(|robots| {
+                    let (ttl_ms, role) = (params.ttl_ms, params.role);
+                    let order = LeaseOrder::Acquire { robots, ttl_ms, role };
+                    self.begin_lease(ticket, &client, order, now)
+                });
+                self.answer_refusal(ticket, &client, begun, now);
+            }
+            CellRequest::RenewLease(params) => {
+                let begun = self.known(params.leases.keys()).and_then(|()| {
+                    self.begin_lease(ticket, &client, LeaseOrder::Renew(params.leases), now)
+                });
+                self.answer_refusal(ticket, &client, begun, now);
+            }
+            CellRequest::ReleaseLease(params) => {
+                let begun = self.known(params.leases.keys()).and_then(|()| {
+                    self.begin_lease(ticket, &client, LeaseOrder::Release(params.leases), now)
+                });
+                self.answer_refusal(ticket, &client, begun, now);
+            }
+            CellRequest::CheckClearance(params) => {
+                self.check_clearance(ticket, client, &params, now);
             }
             CellRequest::Cancel { motion_id } => {
                 if !self.with_group(motion_id, now, |group, cx| group.cancel(ticket, cx)) {
-                    let message = format!("no motion {motion_id} of several robots is in progress");
-                    let denial = Denial::new(DenialCode::NotAttached, message);
-                    self.deny(ticket, &client, denial, now);
+                    self.deny(ticket, &client, no_motion(motion_id), now);
                 }
             }
         }
     }
 
-    fn deny(&mut self, ticket: Ticket, client: &str, denial: Denial, now: MonoTime) {
+    fn execute(
+        &mut self,
+        ticket: Ticket,
+        client: String,
+        id: Uuid,
+        params: CellExecuteTrajectory,
+        now: MonoTime,
+    ) {
+        let refusal = self.refusal(id);
+        let parts = refusal.map_or_else(|| plan::split(&params.trajectory, &self.robots), Err);
+        let parts = parts.and_then(|parts| {
+            plan::check_terms(&params, &parts, &self.robots)?;
+            self.free(parts, now)
+        });
+        match parts {
+            Ok(parts) => {
+                let CellExecuteTrajectory { coupling, leases, on_lease_loss, model_revs, .. } =
+                    params;
+                let order = Order {
+                    id,
+                    client,
+                    ticket,
+                    parts,
+                    coupling,
+                    leases,
+                    on_lease_loss,
+                    model_revs,
+                };
+                let group = Group::begin(order, &mut self.context(now));
+                self.groups.insert(id, group);
+            }
+            Err(denial) => self.deny(ticket, &client, denial, now),
+        }
+    }
+
+    fn control(
+        &mut self,
+        ticket: Ticket,
+        client: &str,
+        (motion_id, lease): (Uuid, Option<Uuid>),
+        control: Control,
+    ) -> Result<(), Denial> {
+        let group = self.groups.get(&motion_id).ok_or_else(|| no_motion(motion_id))?;
+        let robots = group.controlled(client, lease, control)?;
+        let number = self.next_number();
+        let order = ControlOrder { ticket, client, motion_id, control, robots };
+        let operation = ControlOperation::begin(number, order, &mut self.outbox);
+        self.controls.insert(number, operation);
+        Ok(())
+    }
+
+    fn begin_lease(
+        &mut self,
+        ticket: Ticket,
+        client: &str,
+        order: LeaseOrder,
+        now: MonoTime,
+    ) -> Result<(), Denial> {
+        let (number, outbox) = (self.next_number(), &mut self.outbox);
+        let operation = LeaseOperation::begin(number, ticket, client, order, now, outbox)?;
+        self.leases.insert(number, operation);
+        Ok(())
+    }
+
+    /// The robots, all of the cell if none is named; each has to be on the bus.
+    fn present(&self, robots: Vec<RobotName>) -> Result<Vec<RobotName>, Denial> {
+        let robots = if robots.is_empty() { self.robots.keys().cloned().collect() } else { robots };
+        self.known(robots.iter())?;
+        let is_absent =
+            |robot: &&RobotName| self.robots.get(*robot).is_none_or(|record| !record.is_online());
+        match robots.iter().find(is_absent) {
+            Some(robot) => Err(plan::offline(robot)),
+            None => Ok(robots),
+        }
+    }
+
+    fn known<'r>(&self, mut robots: impl Iterator<Item = &'r RobotName>) -> Result<(), Denial> {
+        match robots.find(|robot| !self.robots.contains_key(*robot)) {
+            Some(robot) => {
+                Err(plan::of(robot, DenialCode::InvalidArgument, "the cell has no such robot"))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn answer_refusal(
+        &mut self,
+        ticket: Ticket,
+        client: &str,
+        begun: Result<(), Denial>,
+        now: MonoTime,
+    ) {
+        if let Err(denial) = begun {
+            self.deny(ticket, client, denial, now);
+        }
+    }
+
+    pub(super) fn deny(&mut self, ticket: Ticket, client: &str, denial: Denial, now: MonoTime) {
         let message = format!("request of {client} refused: {denial}");
         let happening = own_happening(EventKind::Denied, Severity::Warning, message);
         self.outbox.record(now, happening);
@@ -115,4 +231,9 @@ impl Coordinator {
         self.stops.insert(request.stop_id, stop);
         self.each_group(now, |group, cx| group.on_stop(&request, cx));
     }
+}
+
+fn no_motion(id: Uuid) -> Denial {
+    let message = format!("no motion {id} of several robots is in progress");
+    Denial::new(DenialCode::NotAttached, message)
 }

@@ -1,6 +1,8 @@
 //! A reset of latched stops: each robot is asked which stops hold it, and told to clear these.
 //!
-//! Stops that come in between are not cleared: the agent refuses a list that is not complete.
+//! Stops that come in between are not cleared: the agent refuses a list that is not complete, or a
+//! number that is of the past. A robot that asks for a signature gets the reset that the client
+//! signed for it; the gateway has no key.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -8,7 +10,7 @@ use std::time::Duration;
 use armada_model::MonoTime;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    CellResetAnswer, CellResetParams, Denial, DenialCode, EventKind, Severity,
+    CellResetAnswer, CellResetParams, Denial, DenialCode, EventKind, ResetParams, Severity,
 };
 use serde_json::Map;
 
@@ -20,6 +22,14 @@ use super::robot::RobotRecord;
 const STATUS_TIMEOUT: Duration = Duration::from_millis(1_000);
 const RESET_TIMEOUT: Duration = Duration::from_millis(2_000);
 
+/// A request for a reset.
+pub(super) struct ResetOrder {
+    pub(super) number: u64,
+    pub(super) ticket: Ticket,
+    pub(super) client: String,
+    pub(super) params: CellResetParams,
+}
+
 #[derive(Debug)]
 pub(super) struct ResetOperation {
     number: u64,
@@ -27,29 +37,32 @@ pub(super) struct ResetOperation {
     ticket: Option<Ticket>,
     /// Robots whose agents have not answered yet.
     waiting: BTreeSet<RobotName>,
+    /// What the client signed.
+    signed: BTreeMap<RobotName, ResetParams>,
     answer: CellResetAnswer,
 }
 
 impl ResetOperation {
-    /// Begins with every robot that is named, or all of `robots` if none is; those with a signed
-    /// reset are given it as it is.
+    /// Begins with every robot that is named, or all of `robots` if none is.
     pub(super) fn begin(
-        number: u64,
-        ticket: Ticket,
-        client: String,
-        params: CellResetParams,
+        order: ResetOrder,
         robots: &BTreeMap<RobotName, RobotRecord>,
         outbox: &mut Outbox,
     ) -> Self {
+        let ResetOrder { number, ticket, client, params } = order;
         let answer = CellResetAnswer { reset: Vec::new(), refused: Vec::new() };
-        let waiting = BTreeSet::new();
-        let mut reset = Self { number, client, ticket: Some(ticket), waiting, answer };
-        let CellResetParams { robots: wanted, mut signed } = params;
-        let mut wanted: BTreeSet<_> = wanted.into_iter().collect();
-        if wanted.is_empty() {
-            wanted.extend(robots.keys().cloned());
+        let (waiting, signed) = (BTreeSet::new(), params.signed);
+        let wanted: BTreeSet<_> = if params.robots.is_empty() {
+            robots.keys().chain(signed.keys()).cloned().collect()
+        } else {
+            params.robots.into_iter().collect()
+        };
+        let mut reset = Self { number, client, ticket: Some(ticket), waiting, signed, answer };
+        for robot in reset.signed.keys().filter(|robot| !wanted.contains(*robot)) {
+            let message = "signed has a reset for it, but robots does not name it";
+            let denial = plan::of(robot, DenialCode::InvalidArgument, message);
+            reset.answer.refused.push((robot.clone(), denial.with("field", "signed")));
         }
-        wanted.extend(signed.keys().cloned());
         for robot in wanted {
             match robots.get(&robot) {
                 None => {
@@ -96,8 +109,12 @@ impl ResetOperation {
                     self.waiting.remove(robot);
                     return self.answer.reset.push((robot.clone(), Vec::new()));
                 };
-                let params = Box::new(latch.reset_params());
-                self.ask(robot, AgentCall::Reset(params), RESET_TIMEOUT, outbox);
+                let params = match self.signed.remove(robot) {
+                    Some(signed) => signed,
+                    None if latch.reset.signed => return self.refuse_unsigned(robot),
+                    None => latch.reset_params(),
+                };
+                self.ask(robot, AgentCall::Reset(Box::new(params)), RESET_TIMEOUT, outbox);
             }
             Ok(AgentAnswer::Reset(answer)) => {
                 self.waiting.remove(robot);
@@ -109,6 +126,13 @@ impl ResetOperation {
                 self.answer.refused.push((robot.clone(), plan::by(robot, denial)));
             }
         }
+    }
+
+    fn refuse_unsigned(&mut self, robot: &RobotName) {
+        let message = "its reset has to be signed with its reset key: give it in signed";
+        let denial = plan::of(robot, DenialCode::NotReady, message).with("field", "signed");
+        self.waiting.remove(robot);
+        self.answer.refused.push((robot.clone(), denial));
     }
 
     /// Answers the client once every robot has answered.
@@ -134,6 +158,6 @@ impl ResetOperation {
 
     fn ask(&self, robot: &RobotName, call: AgentCall, timeout: Duration, outbox: &mut Outbox) {
         let (client, purpose) = (self.client.as_str(), Purpose::Reset(self.number));
-        outbox.ask(Question { robot, client, call, timeout, purpose });
+        outbox.ask(Question { robot, client, lease: None, call, timeout, purpose });
     }
 }

@@ -40,6 +40,10 @@ pub(super) struct RobotRecord {
     run: Option<Uuid>,
     past_runs: VecDeque<Uuid>,
     pub(super) joints: Option<Vec<String>>,
+    /// Revision of its description, tools and payloads.
+    pub(super) model_rev: Option<u64>,
+    /// Period of its control loop.
+    pub(super) period: Duration,
     pub(super) status: Option<Box<RobotStatus>>,
     state: Option<StateView>,
     rate: RateMeter,
@@ -81,6 +85,7 @@ impl RobotRecord {
             }
             self.past_runs.push_back(past);
             self.joints = None;
+            self.model_rev = None;
             self.status = None;
             self.state = None;
             self.rate = RateMeter::default();
@@ -110,6 +115,9 @@ impl RobotRecord {
     /// Takes the description of the current run.
     pub(super) fn take_info(&mut self, info: &RobotInfo) {
         self.joints = Some(info.joints.iter().map(|joint| joint.name.clone()).collect());
+        self.model_rev = Some(info.model_rev);
+        // A period that makes no sense is none.
+        self.period = Duration::try_from_secs_f64(1e-3 * info.period_ms).unwrap_or_default();
     }
 
     /// Whether info or status is still unknown.

@@ -2,6 +2,9 @@
 //!
 //! The stop is published again and again until every robot in scope has it, and every agent is
 //! asked directly as well. The verdict comes from what the agents measured, never from silence.
+//!
+//! A robot that is not measured to stand in time is stopped harder: what was `L2` becomes `L1` and
+//! then `L0`, under the same identity, for the robots that are late and for no others.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -9,7 +12,8 @@ use std::time::Duration;
 use armada_model::MonoTime;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    EventKind, Severity, StopAck, StopReport, StopRequest, StopScope, StopStage, StopVerdict,
+    EventKind, Severity, StopAck, StopLevel, StopReport, StopRequest, StopScope, StopStage,
+    StopVerdict,
 };
 use serde_json::{Map, Value};
 
@@ -24,6 +28,9 @@ const FAST_PHASE: Duration = Duration::from_millis(500);
 const SLOW_REPEAT: Duration = Duration::from_millis(250);
 /// When the verdict is given at the latest; shorter than the method's time-out.
 const DEADLINE: Duration = Duration::from_millis(4_000);
+/// How long robots have to stand still before they are stopped harder, and again before the last
+/// level: longer than a robot takes from its full speed.
+const RAISE_AFTER: Duration = Duration::from_millis(1_500);
 /// How long an agent has to answer before it is asked again.
 const ASK_TIMEOUT: Duration = Duration::from_millis(1_000);
 
@@ -40,6 +47,10 @@ pub(super) struct StopOperation {
     asked: BTreeSet<RobotName>,
     begun: MonoTime,
     next_repeat: MonoTime,
+    /// When robots that are late are stopped harder.
+    next_raise: MonoTime,
+    /// Level for robots that are late, once it was raised.
+    raised: Option<StopLevel>,
     is_over: bool,
 }
 
@@ -68,6 +79,8 @@ impl StopOperation {
             asked: BTreeSet::new(),
             begun: now,
             next_repeat: now + REPEAT,
+            next_raise: now + RAISE_AFTER,
+            raised: None,
             is_over: false,
         };
         // First of all, before anything is written down.
@@ -92,7 +105,7 @@ impl StopOperation {
     }
 
     pub(super) fn next_deadline(&self) -> MonoTime {
-        self.next_repeat.min(self.begun + DEADLINE)
+        self.next_repeat.min(self.next_raise).min(self.begun + DEADLINE)
     }
 
     /// Takes a stage; a late lower one takes nothing back.
@@ -113,10 +126,14 @@ impl StopOperation {
 
     pub(super) fn on_time(&mut self, now: MonoTime, outbox: &mut Outbox) {
         if now >= self.begun + DEADLINE {
-            self.stop_harder(outbox);
             return self.finish(now, outbox);
         }
+        if now >= self.next_raise {
+            self.next_raise = now + RAISE_AFTER;
+            self.raise(now, outbox);
+        }
         if now >= self.next_repeat {
+            self.repeat_raised(outbox);
             if !self.all_reached(StopStage::Received) {
                 self.request.seq += 1;
                 outbox.push(Action::PublishStop(self.request.clone()));
@@ -127,27 +144,57 @@ impl StopOperation {
         }
     }
 
-    /// Asks once more, one level harder, robots that are not known to stand.
-    fn stop_harder(&self, outbox: &mut Outbox) {
-        let missing = self.report().missing;
-        let Some(level) = self.request.level.harder().filter(|_| !missing.is_empty()) else {
-            return;
-        };
-        let (scope, seq) = (StopScope::Robots(missing), self.request.seq + 1);
-        let request = StopRequest { level, scope, seq, ..self.request.clone() };
-        outbox.push(Action::PublishStop(request));
+    /// Stops robots harder that are late.
+    fn raise(&mut self, now: MonoTime, outbox: &mut Outbox) {
+        let Some(level) = self.raised.unwrap_or(self.request.level).harder() else { return };
+        self.raised = Some(level);
+        let request = self.repeat_raised(outbox);
+        let StopScope::Robots(late) = &request.scope else { return };
+        let names: Vec<_> = late.iter().map(RobotName::as_str).collect();
+        let what = format!("not known to stand still in time, raised: {}", names.join(", "));
+        for robot in late {
+            self.asked.insert(robot.clone());
+            self.ask(robot, &request, outbox);
+        }
+        outbox.record(now, happening(&request, Severity::Error, &what));
+    }
+
+    /// Publishes the raised stop for robots that are late; returns it.
+    fn repeat_raised(&mut self, outbox: &mut Outbox) -> StopRequest {
+        let level = self.raised.unwrap_or(self.request.level);
+        let late = self.robots.iter().filter(|r| !self.has_reached(r, StopStage::Standstill));
+        let scope = StopScope::Robots(late.cloned().collect());
+        if self.raised.is_some() {
+            self.request.seq += 1;
+        }
+        let request = StopRequest { level, scope, ..self.request.clone() };
+        if self.raised.is_some() {
+            outbox.push(Action::PublishStop(request.clone()));
+        }
+        request
+    }
+
+    fn ask(&self, robot: &RobotName, request: &StopRequest, outbox: &mut Outbox) {
+        outbox.ask(Question {
+            robot,
+            client: &self.request.source,
+            lease: None,
+            call: AgentCall::Stop(request.clone()),
+            timeout: ASK_TIMEOUT,
+            purpose: Purpose::Stop(self.request.stop_id),
+        });
     }
 
     fn ask_silent(&mut self, outbox: &mut Outbox) {
-        for robot in &self.robots {
-            if !self.reached.contains_key(robot) && self.asked.insert(robot.clone()) {
-                outbox.ask(Question {
-                    robot,
-                    client: &self.request.source,
-                    call: AgentCall::Stop(self.request.clone()),
-                    timeout: ASK_TIMEOUT,
-                    purpose: Purpose::Stop(self.request.stop_id),
-                });
+        let silent: Vec<_> = self
+            .robots
+            .iter()
+            .filter(|robot| !self.reached.contains_key(*robot))
+            .cloned()
+            .collect();
+        for robot in silent {
+            if self.asked.insert(robot.clone()) {
+                self.ask(&robot, &self.request, outbox);
             }
         }
     }

@@ -50,13 +50,15 @@ impl Coordinator {
 
     pub(super) fn ask_for_record(&mut self, robot: &RobotName, call: AgentCall, timeout: Duration) {
         let (client, purpose) = (OWN_NAME, Purpose::Record);
-        self.outbox.ask(Question { robot, client, call, timeout, purpose });
+        self.outbox.ask(Question { robot, client, lease: None, call, timeout, purpose });
     }
 
     /// Removes what is over, and publishes the status if it is due.
     pub(super) fn tidy(&mut self, now: MonoTime) {
         self.stops.retain(|_, stop| !stop.is_over());
         self.resets.retain(|_, reset| !reset.is_over());
+        self.controls.retain(|_, control| !control.is_over());
+        self.leases.retain(|_, lease| !lease.is_over());
         let over = self.groups.iter().filter(|(_, group)| group.is_over());
         for id in over.map(|(id, _)| *id).collect::<Vec<_>>() {
             self.groups.remove(&id);

@@ -4,19 +4,22 @@ use std::time::Duration;
 
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
-use armada_protocol::messages::{CancelParams, Denial, DenialCode, SetModeParams};
+use armada_protocol::messages::{
+    CancelParams, Denial, DenialCode, LeaseParams, MotionParams, SetModeParams, SpeedRatioParams,
+};
 use armada_protocol::method::robot;
 use uuid::Uuid;
 use zenoh::Session;
 
 use super::clock::monotonic;
-use crate::coordinator::{AgentAnswer, AgentCall, AskId};
+use crate::coordinator::{AgentAnswer, AgentCall, AskId, Control};
 
 /// A question on its way.
 pub(super) struct Ask {
     pub(super) ask: AskId,
     pub(super) robot: RobotName,
     pub(super) client: String,
+    pub(super) lease: Option<Uuid>,
     pub(super) call: AgentCall,
     pub(super) timeout: Duration,
 }
@@ -26,8 +29,8 @@ pub(super) type Answer = (AskId, Result<AgentAnswer, Denial>);
 
 /// Asks, and gives up when the time is over.
 pub(super) async fn ask(session: Session, question: Ask) -> Answer {
-    let Ask { ask, robot, client, call, timeout } = question;
-    let client = Client::on_session(session, client);
+    let Ask { ask, robot, client, lease, call, timeout } = question;
+    let client = Client::on_session(session, client).under(lease);
     let answer = tokio::time::timeout(timeout, answer(&client, &robot, call, timeout)).await;
     let result = match answer {
         Ok(result) => result.map_err(denial_of),
@@ -73,6 +76,42 @@ async fn answer(
         }
         AgentCall::Reset(params) => {
             AgentAnswer::Reset(client.call::<robot::Reset>(robot, *params).await?)
+        }
+        AgentCall::Control(motion_id, control) => {
+            return control_of(client, robot, motion_id, control).await;
+        }
+        AgentCall::AcquireLease(params) => {
+            AgentAnswer::Lease(client.call::<robot::AcquireLease>(robot, params).await?)
+        }
+        AgentCall::RenewLease(params) => {
+            AgentAnswer::Lease(client.call::<robot::RenewLease>(robot, params).await?)
+        }
+        AgentCall::ReleaseLease(lease) => {
+            client.call::<robot::ReleaseLease>(robot, LeaseParams { lease }).await?;
+            AgentAnswer::LeaseReleased
+        }
+    })
+}
+
+async fn control_of(
+    client: &Client,
+    robot: &RobotName,
+    motion_id: Uuid,
+    control: Control,
+) -> Result<AgentAnswer, ClientError> {
+    let params = MotionParams { motion_id };
+    Ok(match control {
+        Control::Pause => {
+            client.call::<robot::Pause>(robot, params).await?;
+            AgentAnswer::Controlled
+        }
+        Control::Resume => {
+            client.call::<robot::Resume>(robot, params).await?;
+            AgentAnswer::Controlled
+        }
+        Control::SpeedRatio(ratio) => {
+            let params = SpeedRatioParams { ratio };
+            AgentAnswer::SpeedRatio(client.call::<robot::SetSpeedRatio>(robot, params).await?)
         }
     })
 }

@@ -10,11 +10,12 @@ use armada_protocol::RobotName;
 use armada_protocol::codec::{CodecError, MAX_MESSAGE_BYTES, WireEncoding};
 use armada_protocol::keys;
 use armada_protocol::messages::{
-    CellFrames, Denial, MotionStatus, RobotInfo, RobotState, RobotStatus, StopAck, StopRequest,
+    CellFrames, Denial, DenialCode, Event, MotionStatus, RobotInfo, RobotState, RobotStatus,
+    StopAck, StopRequest,
 };
 use serde::de::DeserializeOwned;
 use tokio::sync::oneshot;
-use tokio::task::{JoinError, JoinSet};
+use tokio::task::{JoinError, JoinSet, spawn_blocking};
 use tokio::time::{MissedTickBehavior, interval, sleep_until, timeout};
 use tracing::warn;
 use uuid::Uuid;
@@ -26,8 +27,8 @@ use super::clock::{instant_of, monotonic};
 use super::intake::{Intake, Slots};
 use super::outlet::Outlet;
 use super::requests::{Order, Orders};
-use crate::coordinator::{Action, AgentAnswer, CellAnswer, Coordinator, Input, Ticket};
-use crate::world::World;
+use crate::coordinator::{Action, AgentAnswer, CellAnswer, CheckId, Coordinator, Input, Ticket};
+use crate::world::{ClearanceReport, ClearanceRequest, World};
 
 /// Period of `cell/frames`, and of taking states: 30 Hz.
 const FRAME_PERIOD: Duration = Duration::from_micros(33_333);
@@ -48,6 +49,8 @@ pub(super) struct Executor {
     world: World,
     outlet: Outlet,
     questions: JoinSet<Answer>,
+    /// Checks of clearances, each on a thread of its own.
+    checks: JoinSet<(CheckId, Result<ClearanceReport, Denial>)>,
     /// Clients that wait for their answer.
     tickets: BTreeMap<Ticket, oneshot::Sender<Result<CellAnswer, Denial>>>,
     next_ticket: u64,
@@ -71,6 +74,7 @@ impl Executor {
             world,
             outlet,
             questions: JoinSet::new(),
+            checks: JoinSet::new(),
             tickets: BTreeMap::new(),
             next_ticket: 0,
             models: BTreeMap::new(),
@@ -94,9 +98,11 @@ impl Executor {
                 Some(sample) = intake.stops.recv() => self.take_stop(&sample).await,
                 Some(order) = orders.stops.recv() => self.take_order(order).await,
                 () = &mut shutdown => break,
-                answer = next_answer(&mut self.questions) => self.take_answer(answer).await,
+                answer = next_of(&mut self.questions) => self.take_answer(answer).await,
+                result = next_of(&mut self.checks) => self.take_check(result).await,
                 () = intake.slots.wake.notified() => self.take_slots(&intake.slots).await,
                 Some(sample) = intake.motions.recv() => self.take_motion(&sample).await,
+                Some(sample) = intake.events.recv() => self.take_event(&sample).await,
                 Some(order) = orders.others.recv() => self.take_order(order).await,
                 _ = frames.tick() => self.take_states(&intake.slots).await,
                 () = sleep_until(deadline) => self.handle(Input::Timer).await,
@@ -116,7 +122,7 @@ impl Executor {
             tokio::select! {
                 biased;
                 Some(sample) = intake.stops.recv() => self.take_stop(&sample).await,
-                answer = next_answer(&mut self.questions) => self.take_answer(answer).await,
+                answer = next_of(&mut self.questions) => self.take_answer(answer).await,
                 Some(sample) = intake.motions.recv() => self.take_motion(&sample).await,
                 () = sleep_until(deadline) => self.handle(Input::Timer).await,
             }
@@ -127,8 +133,8 @@ impl Executor {
         for action in self.coordinator.handle(monotonic(), input) {
             match action {
                 Action::PublishStop(request) => self.outlet.publish_stop(&request),
-                Action::Ask { ask, robot, client, call, timeout } => {
-                    let question = Ask { ask, robot, client, call, timeout };
+                Action::Ask { ask, robot, client, lease, call, timeout } => {
+                    let question = Ask { ask, robot, client, lease, call, timeout };
                     self.questions.spawn(asks::ask(self.session.clone(), question));
                 }
                 Action::Answer { ticket, result } => {
@@ -137,10 +143,37 @@ impl Executor {
                         drop(answer.send(result));
                     }
                 }
+                Action::CheckClearance { check, request } => self.check(check, &request),
                 Action::PublishStatus(status) => self.outlet.publish_status(*status).await,
                 Action::PublishMotion(status) => self.outlet.publish_motion(*status),
                 Action::PublishEvent(event) => self.outlet.publish_event(*event).await,
             }
+        }
+    }
+
+    /// Works out a clearance on a thread of its own.
+    fn check(&mut self, check: CheckId, request: &ClearanceRequest) {
+        let problem = self.world.clearance(request);
+        self.checks.spawn(async move {
+            let result = match problem {
+                Ok(problem) => spawn_blocking(move || problem.solve()).await.unwrap_or_else(|_| {
+                    let message = "the check of the clearance failed";
+                    Err(Denial::new(DenialCode::Internal, message))
+                }),
+                Err(denial) => Err(denial),
+            };
+            (check, result)
+        });
+    }
+
+    async fn take_check(
+        &mut self,
+        result: Result<(CheckId, Result<ClearanceReport, Denial>), JoinError>,
+    ) {
+        match result {
+            Ok((check, result)) => self.handle(Input::Clearance { check, result }).await,
+            // Whoever waits for it has a deadline of its own.
+            Err(error) => warn!(%error, "a check of a clearance failed"),
         }
     }
 
@@ -182,6 +215,15 @@ impl Executor {
             && self.is_of(&status.robot, "motions", sample)
         {
             self.handle(Input::Motion(Box::new(status))).await;
+        }
+    }
+
+    async fn take_event(&mut self, sample: &Sample) {
+        if let Some(event) = self.decoded::<Event>("events", sample)
+            && let Some(robot) = &event.robot
+            && self.is_of(robot, "events", sample)
+        {
+            self.handle(Input::RobotEvent(Box::new(event))).await;
         }
     }
 
@@ -303,10 +345,10 @@ impl Executor {
     }
 }
 
-/// The next answer; waits for ever while nothing is asked.
-async fn next_answer(questions: &mut JoinSet<Answer>) -> Result<Answer, JoinError> {
-    match questions.join_next().await {
-        Some(answer) => answer,
+/// What the next of the tasks says; waits for ever while there is none.
+async fn next_of<T: 'static>(tasks: &mut JoinSet<T>) -> Result<T, JoinError> {
+    match tasks.join_next().await {
+        Some(result) => result,
         None => std::future::pending().await,
     }
 }

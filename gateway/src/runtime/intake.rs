@@ -12,11 +12,14 @@ use tokio::sync::{Notify, mpsc};
 use zenoh::Session;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Locality, Sample, SampleKind};
+use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt, RecoveryConfig};
 
 use super::clock::monotonic;
 
 /// Statuses of motions that wait for the executor.
 const MOTIONS: usize = 1024;
+/// Events that wait for the executor.
+const EVENTS: usize = 1024;
 /// Stops and acknowledgements that wait for the executor.
 const STOPS: usize = 256;
 
@@ -26,6 +29,8 @@ pub(super) struct Intake {
     /// Samples of `cell/stop` and `stop/ack`.
     pub(super) stops: mpsc::Receiver<Sample>,
     pub(super) motions: mpsc::Receiver<Sample>,
+    pub(super) events: mpsc::Receiver<Sample>,
+    _events: AdvancedSubscriber<()>,
     _subscribers: Vec<Subscriber<()>>,
 }
 
@@ -85,6 +90,9 @@ impl Intake {
         });
         let (stop_sender, stops) = mpsc::channel(STOPS);
         let (motion_sender, motions) = mpsc::channel(MOTIONS);
+        let (event_sender, events) = mpsc::channel(EVENTS);
+        let event_subscriber =
+            recovered(session, &keys::ROBOT_EVENTS, &slots, event_sender).await?;
         let subscribers = vec![
             queue(session, &keys::CELL_STOP, &slots, stop_sender.clone()).await?,
             queue(session, &keys::ROBOT_STOP_ACK, &slots, stop_sender).await?,
@@ -96,7 +104,14 @@ impl Intake {
             states(session, &slots).await?,
             presence(session, &slots).await?,
         ];
-        Ok(Self { slots, stops, motions, _subscribers: subscribers })
+        Ok(Self {
+            slots,
+            stops,
+            motions,
+            events,
+            _events: event_subscriber,
+            _subscribers: subscribers,
+        })
     }
 }
 
@@ -116,6 +131,26 @@ async fn queue(
                 slots.overflow.fetch_add(1, Ordering::Relaxed);
             }
         })
+        .await
+}
+
+/// As [`queue`], for samples that their publisher keeps: one that is missed is asked for.
+async fn recovered(
+    session: &Session,
+    key: &Key,
+    slots: &Arc<Slots>,
+    queue: mpsc::Sender<Sample>,
+) -> zenoh::Result<AdvancedSubscriber<()>> {
+    let slots = Arc::clone(slots);
+    session
+        .declare_subscriber(key.any())
+        .callback(move |sample| {
+            if queue.try_send(sample).is_err() {
+                slots.overflow.fetch_add(1, Ordering::Relaxed);
+            }
+        })
+        .advanced()
+        .recovery(RecoveryConfig::default().heartbeat())
         .await
 }
 

@@ -7,12 +7,14 @@
 //!                                                         +--> publications, kept values
 //! ```
 //! One executor task owns the coordinator and the world. It never waits for the network: questions
-//! and answers have tasks of their own, and what is published is dropped rather than waited for.
+//! and answers have tasks of their own, and what is published is dropped rather than waited for. Nor
+//! does it calculate for long: clearances are checked on threads of their own.
 //!
 //! | what comes in | where it waits | when that is full |
 //! |---|---|---|
 //! | state, status, info, presence | one slot a robot | the newest replaces the one before |
 //! | status of motions | queue of 1024 | dropped and counted; asked for when it is missed |
+//! | events of robots | queue of 1024 | dropped and counted; the gap is an event |
 //! | stops and their acknowledgements | queue of 256 | dropped and counted; agents repeat them |
 //! | requests to stop | queue of 64 | answered `busy`; that many stops are in progress |
 //! | other requests | queue of 64 | answered `busy` |
@@ -20,6 +22,7 @@
 //! A sample that is not a message is counted, dropped and warned about, at most once in five
 //! seconds for each key.
 
+mod answers;
 mod asks;
 mod clock;
 mod executor;
@@ -123,6 +126,7 @@ async fn serve_cell(
             boot_id,
             robots: config.robots.iter().map(|robot| robot.name.clone()).collect(),
             timers: config.motion,
+            clearance: config.clearance,
         },
         clock::monotonic(),
     );

@@ -17,11 +17,12 @@ use uuid::Uuid;
 use zenoh::{Session, Wait};
 
 use super::clock::monotonic;
+use crate::coordinator::ROBOT_SEQNO;
 
 /// Motions that can be asked for: well over ten minutes of the shortest ones.
 const KEPT_MOTIONS: usize = 2048;
-/// Events kept for late joiners.
-const KEPT_EVENTS: usize = 256;
+/// Events kept for late joiners and reviewers: those of every robot.
+const KEPT_EVENTS: usize = 2048;
 
 /// The gateway's publishers and kept values.
 pub(super) struct Outlet {
@@ -95,9 +96,14 @@ impl Outlet {
     }
 
     pub(super) async fn publish_event(&self, mut event: Event) {
+        let (kind, message) = (event.kind, &event.message);
+        // A robot's event has been in its agent's log, and carries its wall clock.
+        if event.details.contains_key(ROBOT_SEQNO) {
+            debug!(?kind, "{message}");
+            return told("event", self.events.put(&event).await);
+        }
         let age = monotonic().saturating_since(event.stamp_ns).as_nanos();
         event.utc_ns = utc_ns().saturating_sub(u64::try_from(age).unwrap_or_default());
-        let (kind, message) = (event.kind, &event.message);
         match event.severity {
             Severity::Info => info!(?kind, "{message}"),
             Severity::Warning => warn!(?kind, "{message}"),

@@ -3,9 +3,13 @@
 #![allow(non_snake_case, reason = "X_WL is the pose of link L in the world W")]
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use armada_model::{JointVector, Pose, RobotModel};
-use armada_protocol::messages::RobotInfo;
+use armada_model::{
+    CompiledTrajectory, JointLimits, JointTrajectory, JointType, JointVector, MotionLimits, Pose,
+    RobotModel, Shape, TrajectoryContext, TrajectoryOptions,
+};
+use armada_protocol::messages::{JointInfo, RobotInfo};
 use nalgebra::Isometry3;
 
 use super::WorldError;
@@ -15,14 +19,17 @@ const LEAST_MOTION: f64 = 1e-6;
 
 /// A robot's links.
 #[derive(Debug)]
-pub(super) struct Body {
-    model: RobotModel,
+pub(in crate::world) struct Body {
+    pub(in crate::world) model: Arc<RobotModel>,
+    joints: Vec<JointInfo>,
     /// Variable of the model for each joint of the robot.
-    variables: Vec<usize>,
+    pub(in crate::world) variables: Vec<usize>,
     /// Names of the links in the world.
     names: Vec<String>,
+    /// Names of what the chains carry.
+    equipment: Vec<String>,
     /// Position of each variable; `None` before any are known.
-    positions: Option<Vec<f64>>,
+    pub(in crate::world) positions: Option<Vec<f64>>,
     /// Poses in the root, for calculation.
     X_RL: Vec<Isometry3<f64>>,
     /// Poses in the world, empty while the robot is not placed.
@@ -54,7 +61,61 @@ impl Body {
         let links = model.links();
         let (X_RL, told) = (vec![Isometry3::identity(); links.len()], vec![None; links.len()]);
         let names = links.iter().map(|link| format!("{}/{}", info.robot, link.name)).collect();
-        Ok(Self { variables, names, positions: None, X_RL, X_WL: Vec::new(), told, model })
+        Ok(Self {
+            joints: info.joints.clone(),
+            equipment: equipment(info),
+            model: Arc::new(model),
+            variables,
+            names,
+            positions: None,
+            X_RL,
+            X_WL: Vec::new(),
+            told,
+        })
+    }
+
+    /// The trajectory as the agent interpolates it, within its limits or those at reduced speed.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(in crate::world) fn compile(
+        &self,
+        trajectory: &JointTrajectory,
+        reduced: bool,
+    ) -> Result<CompiledTrajectory, String> {
+        let limits = |joint: &JointInfo| {
+            if !reduced {
+                return joint.limits;
+            }
+            JointLimits {
+                velocity: joint.limits.velocity.min(joint.reduced.velocity),
+                acceleration: joint.limits.acceleration.map(|a| a.min(joint.reduced.acceleration)),
+                ..joint.limits
+            }
+        };
+        let limits: Vec<_> = self.joints.iter().map(limits).collect();
+        let limits = MotionLimits::new(&limits).map_err(|error| error.to_string())?;
+        let names: Vec<_> = self.joints.iter().map(|joint| joint.name.as_str()).collect();
+        let types: Vec<JointType> = self.joints.iter().map(|joint| joint.joint_type).collect();
+        let context =
+            TrajectoryContext { joint_order: &names, joint_types: Some(&types), limits: &limits };
+        CompiledTrajectory::compile_for(trajectory, &context, &TrajectoryOptions::default())
+            .map_err(|error| error.to_string())
+    }
+
+    /// What of the robot has no shape that could be checked, named `robot/link`: links of which
+    /// there is a picture only, or a file, all links if none has a shape, and what is attached.
+    pub(in crate::world) fn without_shape(&self) -> Vec<String> {
+        let links = || self.model.links().iter().zip(&self.names);
+        let is_blind = links().all(|(link, _)| link.collisions.is_empty());
+        let lacks = |link: &armada_model::Link| {
+            let is_file = |shape: &Shape| matches!(shape, Shape::Mesh { .. });
+            is_blind
+                || (link.collisions.is_empty() && !link.visuals.is_empty())
+                || link.collisions.iter().any(|collision| is_file(&collision.shape))
+        };
+        let bare = links().filter(|(link, _)| lacks(link)).map(|(_, name)| name.clone());
+        bare.chain(self.equipment.iter().cloned()).collect()
     }
 
     pub(super) fn has_link(&self, link: &str) -> bool {
@@ -94,6 +155,16 @@ impl Body {
             }
         }
     }
+}
+
+fn equipment(info: &RobotInfo) -> Vec<String> {
+    let named = |name: &str| format!("{}/{name}", info.robot);
+    let carried = info.equipment.iter().flat_map(|chain| {
+        let tool = chain.tool.as_ref().map(|tool| named(&tool.name));
+        let payload = chain.payload.as_ref().map(|held| named(&held.payload.name));
+        [tool, payload]
+    });
+    carried.flatten().collect()
 }
 
 fn has_moved(from: &Pose, to: &Pose) -> bool {

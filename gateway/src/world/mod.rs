@@ -5,10 +5,13 @@
 //! URDF of each robot -------+--> world pose of each link --> those that moved
 //! positions of its joints --+
 //! ```
+//! The same mounts and descriptions tell how near robots come to each other on a motion: `clearance`.
+//!
 //! Pure. A robot without a usable description, or without known positions, is left out, and so is
 //! what stands on it; everybody else is there.
 
 mod body;
+mod clearance;
 
 #[cfg(test)]
 mod tests;
@@ -21,6 +24,7 @@ use armada_protocol::RobotName;
 use armada_protocol::messages::{CellRobot, Mount, RobotInfo};
 
 use body::Body;
+pub use clearance::{ClearanceProblem, ClearanceReport, ClearanceRequest};
 
 /// How often every link is told.
 const FULL_PERIOD: Duration = Duration::from_secs(1);

@@ -11,9 +11,9 @@ use armada_model::{MonoTime, Pose};
 use armada_protocol::client::{Client, ClientOptions};
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::messages::{
-    Accepted, ActionStatus, ClockSample, CommandMode, Denial, DenialCode, Empty, ModeAnswer,
-    MotionStatus, Prepared, ResetAnswer, RobotInfo, RobotState, RobotStatus, StopAck, StopLatch,
-    StopRequest, StopStage,
+    Accepted, ActionStatus, ClockSample, CommandMode, Denial, DenialCode, Empty, Event,
+    GroupReadiness, LeaseGrant, LeaseReleased, ModeAnswer, MotionStatus, Prepared, ResetAnswer,
+    RobotInfo, RobotState, RobotStatus, StopAck, StopLatch, StopRequest, StopStage,
 };
 use armada_protocol::method::{Method, robot};
 use armada_protocol::serve::{self, Call, Handler, RpcServer};
@@ -126,6 +126,8 @@ pub(crate) struct Shared {
     status: Mutex<RobotStatus>,
     /// Starts it was given, on the machine's clock.
     pub(crate) starts: Mutex<Vec<MonoTime>>,
+    /// Its lease, or the refusal of one.
+    pub(crate) lease: Mutex<Result<Option<Uuid>, Denial>>,
 }
 
 fn golden<T: serde::de::DeserializeOwned>(text: &str) -> T {
@@ -166,12 +168,21 @@ impl TestAgent {
             boot_id,
             status: Mutex::new(status),
             starts: Mutex::default(),
+            lease: Mutex::new(Ok(None)),
         });
         let servers = shared.serve().await;
         let stop = shared.serve_stop().await;
         let token = keys::ROBOT_ALIVE.of(&robot);
         let token = session.liveliness().declare_token(token).await.expect("declared");
         Self { session, shared, _token: token, _servers: servers, _stop: stop }
+    }
+
+    /// Publishes an event with this number.
+    pub(crate) async fn publish_event(&self, seqno: u64) {
+        let mut event: Event = golden(include_str!("../../../protocol/golden/event.json"));
+        event.robot = Some(self.shared.robot.clone());
+        (event.boot_id, event.seqno) = (self.shared.boot_id, seqno);
+        self.shared.publish(keys::ROBOT_EVENTS.of(&self.shared.robot), &event).await;
     }
 
     /// Publishes that the joints are here \[rad\].
@@ -278,13 +289,14 @@ impl Handler for Shared {
                 call.run::<robot::Prepare, _, _>(async |request| {
                     let motion_id = request.params.motion_id.expect("given");
                     assert_eq!(request.params.trajectory.joint_names, JOINTS);
-                    Ok(Prepared {
-                        motion_id,
-                        duration_s: 1.0,
-                        epoch: 1,
-                        ttl_ms: 5_000,
-                        group: None,
-                    })
+                    let group = request.params.group.map(|_| GroupReadiness {
+                        stop_time_s: 0.1,
+                        rate_slope_s: 1.0,
+                        start_travel: 0.001,
+                        controller_lag_ms: 0.0,
+                        model_rev: self.info().model_rev,
+                    });
+                    Ok(Prepared { motion_id, duration_s: 1.0, epoch: 1, ttl_ms: 5_000, group })
                 })
                 .await
             }
@@ -303,6 +315,32 @@ impl Handler for Shared {
                 call.run::<robot::Reset, _, _>(async |request| {
                     locked(&self.status).stop = None;
                     Ok(ResetAnswer { cleared: request.params.stop_ids, epoch: 2 })
+                })
+                .await
+            }
+            robot::AcquireLease::NAME => {
+                call.run::<robot::AcquireLease, _, _>(async |request| {
+                    let (lease, ttl_ms) = (Uuid::now_v7(), request.params.ttl_ms);
+                    let mut held = locked(&self.lease);
+                    held.clone()?;
+                    *held = Ok(Some(lease));
+                    Ok(LeaseGrant { lease, epoch: 1, ttl_ms })
+                })
+                .await
+            }
+            robot::RenewLease::NAME => {
+                call.run::<robot::RenewLease, _, _>(async |request| {
+                    let (lease, ttl_ms) = (request.params.lease, request.params.ttl_ms);
+                    assert_eq!(*locked(&self.lease), Ok(Some(lease)));
+                    Ok(LeaseGrant { lease, epoch: 1, ttl_ms: ttl_ms.expect("given") })
+                })
+                .await
+            }
+            robot::ReleaseLease::NAME => {
+                call.run::<robot::ReleaseLease, _, _>(async |request| {
+                    assert_eq!(*locked(&self.lease), Ok(Some(request.params.lease)));
+                    *locked(&self.lease) = Ok(None);
+                    Ok(LeaseReleased { epoch: 1 })
                 })
                 .await
             }

@@ -16,6 +16,7 @@ from __future__ import annotations
 from . import aio, keys, messages, methods
 from ._blocking.jog import Jogging
 from ._blocking.lease import HeldLease
+from ._blocking.leases import HeldLeases
 from ._blocking.motion import Motion
 from ._blocking.robot import Robot
 from ._blocking.stream import (
@@ -41,21 +42,27 @@ from .errors import (
 from .messages import (
     ActionStatus,
     CommandMode,
+    Coupling,
     Denial,
     DenialCode,
     HomeMethod,
     JogFrame,
     JointTrajectory,
+    LeaseScope,
     MoveExecutor,
     MoveOptions,
     Pose,
     Queue,
+    Role,
     StopLevel,
     StopStage,
     StopVerdict,
     Twist,
+    Why,
+    WhyCode,
 )
 from .moves import for_cell
+from .stop_source import StopSource
 
 __version__ = "0.1.0"
 
@@ -66,15 +73,18 @@ __all__ = [
     "CodecError",
     "CommandMode",
     "CommandStream",
+    "Coupling",
     "Denial",
     "DenialCode",
     "DeniedError",
     "HeldLease",
+    "HeldLeases",
     "HomeMethod",
     "JogFrame",
     "Jogging",
     "JointTrajectory",
     "LeaseLost",
+    "LeaseScope",
     "Motion",
     "MotionFailed",
     "MoveExecutor",
@@ -86,7 +96,9 @@ __all__ = [
     "Queue",
     "RequestTimeout",
     "Robot",
+    "Role",
     "StopLevel",
+    "StopSource",
     "StopStage",
     "StopVerdict",
     "Stream",
@@ -95,6 +107,8 @@ __all__ = [
     "Twist",
     "TwistStream",
     "VelocityStream",
+    "Why",
+    "WhyCode",
     "aio",
     "connect",
     "for_cell",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from . import keys
 from ._bus import Bus
@@ -13,6 +14,9 @@ from ._waiting import Waiting
 from .errors import NoReply, RequestTimeout
 from .messages import CellInfo, StopLevel, StopReport, StopRequest, StopScope
 from .session import DEFAULT_GATEWAY_ENDPOINT
+
+if TYPE_CHECKING:
+    from .aio.lease import HeldLease
 
 DEFAULT_NAME = "armada-python"
 """Name given with every request unless told otherwise."""
@@ -40,6 +44,8 @@ class Connection:
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
         """The sessions."""
+        self.held: dict[str, HeldLease] = {}
+        """The lease of each robot that is held through this connection, or was lost."""
         self._acks = AckListener(bus)
         self._expected: tuple[str, ...] = ()
 

@@ -51,9 +51,14 @@ def robot_of(key: str) -> str | None:
     return chunks[1]
 
 
+def is_robot_name(name: str) -> bool:
+    """Whether it has the form of a robot's name, which is one chunk of a key."""
+    return _ROBOT_NAME.fullmatch(name) is not None
+
+
 def check_robot_name(name: str) -> str:
     """The name itself; raises `ValueError` if it is not the name of a robot."""
-    if not _ROBOT_NAME.fullmatch(name):
+    if not is_robot_name(name):
         raise ValueError(
             f"{name[:80]!r} is not a robot name: 1 to 64 of a-z, 0-9 and _, beginning with a letter"
         )
@@ -178,6 +183,15 @@ CELL_STOP: Final = Key(
     "CELL_STOP", "cell/stop", ("published",), "client", "StopRequest", Channel.STOP
 )
 """Stops every robot; published by any client, taken by every agent and the gateway."""
+CELL_STOP_SOURCE: Final = Key(
+    "CELL_STOP_SOURCE",
+    "cell/stop_sources/{source}",
+    ("queryable",),
+    "client",
+    "StopChallenge -> StopCheckIn",
+    Channel.STOP,
+)
+"""Whether a source of stops is pressed: agents ask it again and again, silence is a press."""
 CELL_GATEWAY_ALIVE: Final = Key(
     "CELL_GATEWAY_ALIVE", "cell/gateway/alive", ("liveliness",), "gateway", "-", Channel.REPORT
 )
@@ -197,7 +211,7 @@ CELL_FRAMES: Final = Key(
 CELL_EVENTS: Final = Key(
     "CELL_EVENTS", "cell/events", ("cached",), "gateway", "Event", Channel.REPORT
 )
-"""The gateway's own audit trail, numbered without gaps."""
+"""Every robot's events and the gateway's own in one stream, numbered without gaps."""
 CELL_MOTION: Final = Key(
     "CELL_MOTION",
     "cell/motions/{id}",
@@ -207,6 +221,33 @@ CELL_MOTION: Final = Key(
     Channel.PROGRESS,
 )
 """Status of a motion of several robots."""
+GROUP_GO: Final = Key(
+    "GROUP_GO",
+    "cell/groups/{group}/go/{robot}",
+    ("published", "subscribed"),
+    "agent",
+    "GroupGo",
+    Channel.STOP,
+)
+"""A robot is ready to start with its partners."""
+GROUP_HEARTBEAT: Final = Key(
+    "GROUP_HEARTBEAT",
+    "cell/groups/{group}/heartbeat/{robot}",
+    ("published", "subscribed"),
+    "agent",
+    "GroupHeartbeat",
+    Channel.STREAM,
+)
+"""Where a robot is on the common path, every 20 ms, for its partners."""
+GROUP_ABORT: Final = Key(
+    "GROUP_ABORT",
+    "cell/groups/{group}/abort/{robot}",
+    ("published", "subscribed"),
+    "agent",
+    "GroupAbort",
+    Channel.STOP,
+)
+"""A robot stops, and its partners are to do the same."""
 CELL_RPC: Final = Key(
     "CELL_RPC", "cell/rpc/{method}", ("queryable",), "gateway", "per method", Channel.RPC
 )
@@ -230,12 +271,16 @@ ALL: Final = (
     ROBOT_STOP_ACK,
     ROBOT_CLOCK,
     CELL_STOP,
+    CELL_STOP_SOURCE,
     CELL_GATEWAY_ALIVE,
     CELL_INFO,
     CELL_STATUS,
     CELL_FRAMES,
     CELL_EVENTS,
     CELL_MOTION,
+    GROUP_GO,
+    GROUP_HEARTBEAT,
+    GROUP_ABORT,
     CELL_RPC,
 )
 """Every row, in the order of the documentation."""

@@ -11,16 +11,24 @@ from .messages import (
     AttachPayloadParams,
     AttachToolParams,
     CancelParams,
+    CellAcquireLeaseParams,
     CellExecuteTrajectory,
+    CellLeaseParams,
     CellResetAnswer,
     CellResetParams,
+    CellSpeedRatioParams,
+    CheckClearanceParams,
+    ClearanceAnswer,
     CommitParams,
+    DelegateLeaseParams,
     DetachParams,
     Empty,
     EquipmentAnswer,
     ExecuteTrajectoryParams,
     ForwardKinematicsAnswer,
     ForwardKinematicsParams,
+    GroupLease,
+    GroupLeaseReleased,
     HaltAnswer,
     HomeParams,
     InverseKinematicsAnswer,
@@ -41,6 +49,7 @@ from .messages import (
     Prepared,
     PrepareParams,
     RecordingAnswer,
+    RenewLeaseParams,
     ResetAnswer,
     ResetParams,
     SetModeParams,
@@ -49,6 +58,7 @@ from .messages import (
     SpeedRatioParams,
     StopReport,
     StopRequest,
+    TakeLeaseParams,
 )
 
 P = TypeVar("P")
@@ -71,8 +81,12 @@ class Method(Generic[P, A]):
 
 ACQUIRE_LEASE: Final = Method("acquire_lease", 2.0, AcquireLeaseParams, LeaseGrant)
 """Takes the right to command, if nobody has it."""
-RENEW_LEASE: Final = Method("renew_lease", 2.0, LeaseParams, LeaseGrant)
+RENEW_LEASE: Final = Method("renew_lease", 2.0, RenewLeaseParams, LeaseGrant)
 """Keeps the right to command."""
+TAKE_LEASE: Final = Method("take_lease", 2.0, TakeLeaseParams, LeaseGrant)
+"""Takes the right to command from whoever has it: for a person, with a reason."""
+DELEGATE_LEASE: Final = Method("delegate_lease", 2.0, DelegateLeaseParams, LeaseGrant)
+"""Lets somebody else command as well, under the holder's lease."""
 RELEASE_LEASE: Final = Method("release_lease", 2.0, LeaseParams, LeaseReleased)
 """Gives the right to command back; a motion in progress ends with a ramp."""
 SET_MODE: Final = Method("set_mode", 2.0, SetModeParams, ModeAnswer)
@@ -149,6 +163,8 @@ SAVE_RECORDING: Final = Method("save_recording", 8.0, Empty, RecordingAnswer)
 ROBOT_METHODS: Final[tuple[Method[Any, Any], ...]] = (
     ACQUIRE_LEASE,
     RENEW_LEASE,
+    TAKE_LEASE,
+    DELEGATE_LEASE,
     RELEASE_LEASE,
     SET_MODE,
     HALT,
@@ -194,11 +210,32 @@ CELL_EXECUTE_TRAJECTORY: Final = Method("execute_trajectory", 8.0, CellExecuteTr
 """Follows a trajectory with several robots that start at one instant."""
 CELL_CANCEL: Final = Method("cancel", 4.0, CancelParams, Empty)
 """Ends a motion of several robots, each with a ramp to standstill."""
+CELL_PAUSE: Final = Method("pause", 4.0, MotionParams, Empty)
+"""Brings a motion of several robots to rest at one phase, until it is resumed."""
+CELL_RESUME: Final = Method("resume", 4.0, MotionParams, Empty)
+"""Goes on with a paused motion of several robots."""
+CELL_SET_SPEED_RATIO: Final = Method("set_speed_ratio", 4.0, CellSpeedRatioParams, SpeedRatioAnswer)
+"""Changes the speed of a motion of several robots."""
+CELL_ACQUIRE_LEASE: Final = Method("acquire_lease", 4.0, CellAcquireLeaseParams, GroupLease)
+"""Gets the leases of several robots, all or none."""
+CELL_RENEW_LEASE: Final = Method("renew_lease", 4.0, CellLeaseParams, GroupLease)
+"""Keeps the leases of several robots."""
+CELL_RELEASE_LEASE: Final = Method("release_lease", 4.0, CellLeaseParams, GroupLeaseReleased)
+"""Gives the leases of several robots back."""
+CELL_CHECK_CLEARANCE: Final = Method("check_clearance", 8.0, CheckClearanceParams, ClearanceAnswer)
+"""How near the robots come to each other on a trajectory."""
 
 CELL_METHODS: Final[tuple[Method[Any, Any], ...]] = (
     CELL_STOP,
     CELL_RESET,
     CELL_EXECUTE_TRAJECTORY,
     CELL_CANCEL,
+    CELL_PAUSE,
+    CELL_RESUME,
+    CELL_SET_SPEED_RATIO,
+    CELL_ACQUIRE_LEASE,
+    CELL_RENEW_LEASE,
+    CELL_RELEASE_LEASE,
+    CELL_CHECK_CLEARANCE,
 )
 """Every method of the gateway, under `cell/rpc/`."""

@@ -26,6 +26,7 @@ from .fleet import DEADLINE_S, Agent, Gateway, Json, Refused
         "Motion",
         "Subscription",
         "HeldLease",
+        "HeldLeases",
         "Jogging",
         "PositionStream",
         "VelocityStream",

@@ -27,6 +27,9 @@ DEADLINE_S = 5.0
 LEASE = "0192f0c5-0000-7000-8000-000000000004"
 """The lease that agents grant."""
 
+SUB_LEASE = "0192f0c5-0000-7000-8000-000000000009"
+"""The lease that agents grant to whom a holder delegates."""
+
 Json = dict[str, Any]
 
 
@@ -281,7 +284,16 @@ class Agent(Node):
             "acquire_lease": lambda params: (
                 golden("answer_lease") | {"lease": LEASE, "ttl_ms": params["ttl_ms"]}
             ),
-            "renew_lease": answer("lease"),
+            "renew_lease": lambda params: (
+                golden("answer_lease")
+                | {"lease": params["lease"], "ttl_ms": params.get("ttl_ms", 1000)}
+            ),
+            "take_lease": lambda params: (
+                golden("answer_lease") | {"lease": LEASE, "ttl_ms": params["ttl_ms"]}
+            ),
+            "delegate_lease": lambda params: (
+                golden("answer_lease") | {"lease": SUB_LEASE, "ttl_ms": params["ttl_ms"]}
+            ),
             "release_lease": answer("lease_released"),
             **dict.fromkeys((*moves, "jog_joint", "jog_cartesian"), motion),
             **dict.fromkeys(equipment, answer("equipment")),
@@ -389,6 +401,10 @@ class Gateway(Node):
         self.handlers = {
             "execute_trajectory": lambda params: self.motions.accept(params["motion_id"]),
             "cancel": self._cancel,
+            "pause": self._set("paused"),
+            "resume": self._set("running"),
+            "set_speed_ratio": lambda params: {"speed_ratio": params["ratio"]},
+            "check_clearance": lambda _: golden("answer_clearance"),
             "reset": lambda params: (
                 golden("answer_cell_reset")
                 | {"reset": [[robot, [str(UUID(int=0))]] for robot in params["robots"]]}
@@ -405,6 +421,14 @@ class Gateway(Node):
         assert params["motion_id"] == self.motions.last
         self.motions.set("cancelled")
         return {}
+
+    def _set(self, status: str) -> Callable[[Json], Json]:
+        def change(params: Json) -> Json:
+            assert params["motion_id"] == self.motions.last
+            self.motions.set(status)
+            return {}
+
+        return change
 
     def add(self, name: str) -> Agent:
         """Starts an agent of this cell."""

@@ -20,6 +20,8 @@ SAMPLES = sorted(GOLDEN.glob("*.json"))
 IRREGULAR: dict[str, Any] = {
     "answer_accepted": messages.Accepted,
     "answer_accepted_and_ended": messages.Accepted,
+    "answer_group_lease": messages.GroupLease,
+    "answer_group_lease_released": messages.GroupLeaseReleased,
     "answer_lease": messages.LeaseGrant,
     "answer_lease_released": messages.LeaseReleased,
     "answer_param": messages.NamedValue,
@@ -49,7 +51,7 @@ def type_of(stem: str) -> Any:
 
 
 def test_golden_samples_are_there() -> None:
-    assert len(SAMPLES) == 68, f"samples in {GOLDEN}: {len(SAMPLES)}"
+    assert len(SAMPLES) == 85, f"samples in {GOLDEN}: {len(SAMPLES)}"
 
 
 @pytest.mark.parametrize("encoding", list(WireEncoding))

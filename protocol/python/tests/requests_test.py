@@ -141,24 +141,6 @@ def test_an_answer_in_message_pack_is_read_too(cell: armada.Cell, left: Agent) -
     assert cell.robot("left_arm").halt().epoch == 8
 
 
-def test_reset_lists_every_latched_stop(cell: armada.Cell, left: Agent) -> None:
-    stops = [
-        {"stop_id": f"00000000-0000-0000-0000-00000000000{i}", "source": "a", "level": "L2"}
-        | {"reason": ""}
-        for i in (1, 2)
-    ]
-    left.status["stop"] = {"level": "L2", "stops": stops, "stage": "standstill"}
-    answer = cell.robot("left_arm").reset()
-    assert [str(stop_id) for stop_id in answer.cleared] == [stop["stop_id"] for stop in stops]
-
-
-def test_the_cell_is_reset_by_the_gateway(cell: armada.Cell, gateway: Gateway) -> None:
-    answer = cell.reset(["left_arm"])
-    assert answer.reset[0][0] == "left_arm"
-    assert answer.refused[0][1].code is DenialCode.OUT_OF_RANGE
-    assert gateway.of_method("reset")[0]["params"] == {"robots": ["left_arm"]}
-
-
 def test_an_endpoint_where_nobody_listens_is_told() -> None:
     with socket.socket() as taken:
         # Bound, but not listening: nobody else can take the port meanwhile.

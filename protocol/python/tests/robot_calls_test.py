@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import armada
-from armada import ActionStatus, DenialCode, DeniedError, JogFrame, MoveOptions, Pose, Queue
-from armada.messages import HomeMethod, LeaseLossContinueS, PayloadInfo, ToolInfo
+from armada import ActionStatus, DeniedError, JogFrame, MoveOptions, Pose, Queue
+from armada.messages import HomeMethod, LeaseLossContinueS, PayloadInfo, ToolInfo, WhyCode
 
 from .fleet import DEADLINE_S, Agent, Json, Refused
 from .motions_test import modes, trajectory
@@ -72,16 +72,17 @@ def test_a_motion_is_paused_and_resumed(cell: armada.Cell, left: Agent) -> None:
     assert motion.status().status is ActionStatus.RUNNING
 
 
-def test_a_motion_of_several_robots_cannot_be_paused(cell: armada.Cell) -> None:
-    motion = cell.execute_trajectory(trajectory(["left_arm/elbow_joint"]), set_mode=False)
-    with pytest.raises(DeniedError) as caught:
-        motion.pause()
-    assert caught.value.code is DenialCode.NOT_SUPPORTED
-
-
 def test_the_speed_ratio_is_the_one_in_force(cell: armada.Cell, left: Agent) -> None:
     assert cell.robot("left_arm").set_speed_ratio(0.25) == 0.25
-    assert params(left, "set_speed_ratio") == {"ratio": 0.25}
+    assert cell.robot("left_arm").execute_trajectory(trajectory()).set_speed(0.5) == 0.5
+    sent = [row["params"] for row in left.of_method("set_speed_ratio")]
+    assert sent == [{"ratio": 0.25}, {"ratio": 0.5}]
+
+
+def test_a_robot_tells_why_it_does_not_move(cell: armada.Cell) -> None:
+    [why] = cell.robot("left_arm").why()
+    assert (why.code, why.who) == (WhyCode.STOPPED, "door_1")
+    assert str(why) == "stop L1 by door_1: door opened"
 
 
 def test_a_jog_moves_for_a_time(cell: armada.Cell, left: Agent) -> None:

@@ -83,6 +83,8 @@ pub enum EventKind {
     PresenceChanged,
     /// A request was refused.
     Denied,
+    /// Events of a robot did not reach the gateway.
+    EventsLost,
     /// A robot's description cannot be used; the robot is left out of the world.
     ModelRejected,
 }

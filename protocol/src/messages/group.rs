@@ -106,6 +106,10 @@ pub struct GroupHeartbeat {
     pub scale_next: f64,
     /// Phase from which that counts \[s\]; all robots change there.
     pub scale_next_from_s: f64,
+    /// Time since the common start from which it counts as well \[s\]: for the end of a pause, when
+    /// no phase goes on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_next_at_s: Option<f64>,
 }
 
 /// Where a robot stands in a motion of several.

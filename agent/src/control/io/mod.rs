@@ -10,6 +10,8 @@ use armada_protocol::messages::{JogFrame, StopLevel, StreamHeader};
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
+pub(super) use crate::control::group::GroupSay;
+use crate::control::group::{GroupWord, MAX_WORDS};
 use crate::drivers::{Feedback, JointSet};
 pub use order::{
     DelegateOrder, EquipmentOrder, FollowOrder, HomeOrder, JogCartesianOrder, JogJointOrder,
@@ -52,6 +54,8 @@ pub struct Input {
     pub requests: ArrayVec<LoopRequest, MAX_REQUESTS>,
     /// Samples of streams in the order they came; `step` takes them all out.
     pub stream: ArrayVec<StreamSample, MAX_SAMPLES>,
+    /// What partners said, in the order it came; `step` takes all of it out.
+    pub group: ArrayVec<GroupWord, MAX_WORDS>,
 }
 
 impl Input {
@@ -65,6 +69,7 @@ impl Input {
             loop_error: false,
             requests: ArrayVec::new_const(),
             stream: ArrayVec::new_const(),
+            group: ArrayVec::new_const(),
         }
     }
 }

@@ -12,6 +12,7 @@ use uuid::Uuid;
 
 use super::TwistTarget;
 use crate::control::equipment::{Equipment, MAX_CHAINS};
+use crate::control::group::GroupOrder;
 use crate::drivers::{DelegatedMove, JointSet, LoadSetting, Values};
 
 /// A request to the loop; it is answered in exactly one [`LoopEvent::Answer`](super::LoopEvent::Answer) with its
@@ -212,6 +213,8 @@ pub struct FollowOrder {
     pub queue: Queue,
     /// What to do if the lease is lost.
     pub on_lease_loss: LeaseLoss,
+    /// How it is followed together with other robots, if it is; it has a start then.
+    pub group: Option<GroupOrder>,
 }
 
 impl FollowOrder {
@@ -226,6 +229,7 @@ impl FollowOrder {
             kind: MotionKind::Trajectory,
             queue: Queue::Refuse,
             on_lease_loss: LeaseLoss::StopOnPath,
+            group: None,
         }
     }
 }

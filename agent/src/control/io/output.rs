@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use armada_model::{CompiledTrajectory, JointVector, MonoTime};
 use armada_protocol::messages::{
-    ActionStatus, AuthorityState, CommandMode, ControllerState, Executor, FaultCode, LeaseScope,
-    MotionKind, MotionProgress, OperationalMode, RobotFlags, Role, StopLevel, StopStage,
+    ActionStatus, AuthorityState, CommandMode, ControllerState, Executor, FaultCode, GroupQuality,
+    LeaseScope, MotionKind, MotionProgress, OperationalMode, RobotFlags, Role, StopLevel,
+    StopStage,
 };
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
@@ -13,6 +14,7 @@ use uuid::Uuid;
 
 use super::{MAX_DELEGATES, MAX_EVENTS, MAX_RETIRED, Refusal};
 use crate::control::equipment::Equipment;
+use crate::control::group::{GroupReport, GroupSay, MAX_SAID};
 use crate::drivers::{
     DriverRequest, MAX_PARAMETERS, MAX_REPORTED_TIPS, MAX_SIGNAL_VALUES, ReportedTip, SetPoint,
     Values,
@@ -31,6 +33,8 @@ pub struct Output {
     pub events: ArrayVec<LoopEvent, MAX_EVENTS>,
     /// What is no longer used, to be dropped outside the loop.
     pub retired: ArrayVec<Retired, MAX_RETIRED>,
+    /// What is to be said to partners, in order.
+    pub group: ArrayVec<GroupSay, MAX_SAID>,
 }
 
 /// Something on the heap that the loop no longer uses.
@@ -97,6 +101,8 @@ pub struct Snapshot {
     pub emergency_stop: Option<bool>,
     /// When somebody at the arm acknowledged last.
     pub acknowledged: Option<MonoTime>,
+    /// The motion of several robots that this one takes part in, or did a moment ago.
+    pub group: Option<GroupReport>,
 }
 
 /// The lease in force.
@@ -271,6 +277,8 @@ pub struct MotionReport {
     pub started: Option<MonoTime>,
     /// Progress.
     pub progress: MotionProgress,
+    /// At its end: how well it kept together with its partners, if it has any.
+    pub group: Option<GroupQuality>,
 }
 
 /// A fault with its numbers.

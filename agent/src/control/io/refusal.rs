@@ -6,6 +6,8 @@ use armada_protocol::messages::{
 use serde::{Deserialize, Deserializer, Serialize};
 use uuid::Uuid;
 
+use crate::control::group::PartnerFault;
+
 /// Why the loop refuses a request or ends a motion; the runtime puts it into words.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Refusal {
@@ -170,6 +172,22 @@ pub enum Refusal {
     },
     /// Another request of the same kind took its place.
     Superseded,
+    /// The start of a motion of several robots is so near that they cannot agree on it.
+    StartTooSoon {
+        /// Time until the start \[s\].
+        lead_s: f64,
+        /// Least time until it \[s\].
+        least_s: f64,
+    },
+    /// A partner ended the motion of several robots.
+    Partner {
+        /// The motion.
+        group: Uuid,
+        /// Which partner, in their order.
+        partner: u8,
+        /// What it did.
+        fault: PartnerFault,
+    },
 }
 
 /// Under another name, since serde would borrow a field of type `&str` from its input.

@@ -1,6 +1,5 @@
 //! Orders about a motion in progress: cancel, pause, resume, another speed.
 
-use armada_protocol::messages::ActionStatus;
 use uuid::Uuid;
 
 use super::trajectory::Speed;
@@ -31,7 +30,11 @@ impl LoopState {
             return Ok(());
         }
         motion.cancelling = true;
-        let handed_over = motion.is_handed_over();
+        if self.end_together(Refusal::Cancelled) {
+            self.drop_waiting(tick, 0, Refusal::QueueBroken);
+            return Ok(());
+        }
+        let handed_over = self.motion.as_ref().is_some_and(Motion::is_handed_over);
         self.drop_waiting(tick, 0, Refusal::QueueBroken);
         if handed_over {
             // Ends when the controller has shown that it stopped.
@@ -60,6 +63,12 @@ impl LoopState {
         if motion.cancelling {
             return Err(Refusal::StillMoving);
         }
+        if let Some(group) = self.shared_pace() {
+            // Said to be paused when all are to be.
+            group.set_paused(paused);
+            return Ok(());
+        }
+        let motion = self.motion.as_mut().ok_or(Refusal::NoSuchMotion)?;
         let period_s = tick.period_s();
         match &mut motion.source {
             Source::Trajectory(trajectory) if !trajectory.is_common() => {
@@ -79,12 +88,7 @@ impl LoopState {
             }
             _ => return Err(Refusal::NotPausable),
         }
-        let status = match (paused, motion.started) {
-            (true, _) => ActionStatus::Paused,
-            (false, Some(_)) => ActionStatus::Running,
-            (false, None) => ActionStatus::Queued,
-        };
-        let report = motion.report(status, None, period_s);
+        let report = motion.report(motion.status(), None, period_s);
         tick.event(LoopEvent::Motion(report));
         Ok(())
     }
@@ -105,6 +109,10 @@ impl LoopState {
             return Err(Refusal::Busy(*id));
         }
         self.speed_ratio = ratio;
+        if let Some(group) = self.shared_pace() {
+            group.set_ratio(ratio);
+            return Ok(());
+        }
         if let Some(Motion { source: Source::Trajectory(trajectory), .. }) = &mut self.motion {
             trajectory.set_ratio(ratio, &self.limits, tick.period_s());
         }

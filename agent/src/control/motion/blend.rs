@@ -33,7 +33,9 @@ impl LoopState {
         else {
             return;
         };
-        let share = SHARES.get(usize::from(now.attempts)).filter(|_| now.has_begun());
+        // Partners know where this motion ends, not where another would lead.
+        let alone = now.has_begun() && !now.has_partners();
+        let share = SHARES.get(usize::from(now.attempts)).filter(|_| alone);
         let Some(share) = share.filter(|_| now.course.exit.is_none()) else { return };
         now.attempts += 1;
         let tolerance = blend_tolerance(now, next, &tick.params.tracking_tolerance);

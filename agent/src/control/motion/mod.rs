@@ -53,6 +53,7 @@ use self::queue::Remains;
 use self::trajectory::TrajectoryMotion;
 use super::equipment::Equipment;
 use super::faults::fault;
+use super::grouping::status_of;
 use super::io::{LoopEvent, MotionReport, Params, Refusal};
 use super::state::{LoopState, Tick};
 use crate::drivers::SetPoint;
@@ -258,6 +259,11 @@ impl Motion {
         tick.event(LoopEvent::Motion(report));
     }
 
+    /// What is said of it while it is in progress or waits.
+    pub(super) const fn status(&self) -> ActionStatus {
+        status_of(self.is_paused(), self.started.is_some())
+    }
+
     /// Says that it has begun, if that is not said yet, though it makes no set-points.
     fn announce_running(&mut self, tick: &mut Tick<'_>) {
         if self.started.is_none() {
@@ -270,11 +276,17 @@ impl Motion {
         }
     }
 
-    fn report(&self, status: ActionStatus, reason: Option<Refusal>, period_s: f64) -> MotionReport {
+    pub(super) fn report(
+        &self,
+        status: ActionStatus,
+        reason: Option<Refusal>,
+        period_s: f64,
+    ) -> MotionReport {
         let (kind, progress) = (self.kind(), self.progress(period_s));
         let executor = if self.is_controllers() { Executor::Controller } else { Executor::Agent };
         let started = self.started;
-        MotionReport { id: self.id, kind, executor, status, reason, started, progress }
+        let group = None;
+        MotionReport { id: self.id, kind, executor, status, reason, started, progress, group }
     }
 }
 
@@ -314,7 +326,9 @@ impl LoopState {
             self.stop_own_motion();
         }
         let report = motion.report(status, reason, tick.period_s());
-        tick.event(LoopEvent::Motion(report));
+        let group = self.group_quality(motion.id);
+        tick.event(LoopEvent::Motion(MotionReport { group, ..report }));
+        self.leave_group(tick.now, motion.id, end);
         if let Source::Trajectory(trajectory) = motion.source {
             let moves = end != End::Complete && remains == Remains::Braked;
             self.leave_behind(tick, trajectory, moves, end.is_urgent());
@@ -328,6 +342,8 @@ impl LoopState {
 
     /// Brings the motion to rest that is being cancelled.
     fn brake_motion(&mut self, tick: &mut Tick<'_>) {
+        let Some(id) = self.motion.as_ref().map(|motion| motion.id) else { return };
+        self.leave_group(tick.now, id, End::Cancelled(Refusal::Cancelled));
         let Some(motion) = self.motion.as_mut() else { return };
         if let Source::Trajectory(trajectory) = &motion.source {
             let braked = Source::Braked(trajectory.kind(), motion.progress(tick.period_s()));

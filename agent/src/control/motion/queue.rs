@@ -33,6 +33,7 @@ use super::blend::way_onto;
 use super::trajectory::{Speed, StartPoint, TrajectoryMotion, check_near, check_suits};
 use super::waiting::{Queued, Waiting};
 use super::{End, Motion, Source};
+use crate::control::grouping::check_group;
 use crate::control::io::{FollowOrder, LoopEvent, MAX_QUEUED, Refusal, Retired};
 use crate::control::state::{LoopState, Tick};
 
@@ -63,6 +64,7 @@ impl LoopState {
         self.check_homed()?;
         let feedback = self.condition.feedback().ok_or(Refusal::CommunicationLost)?;
         check_suits(&order, tick.params, !feedback.joint_velocity.is_empty())?;
+        check_group(&order, tick.now)?;
         if self.knows(order.id) {
             return Err(Refusal::Busy(order.id));
         }
@@ -92,6 +94,7 @@ impl LoopState {
             planned => planned?,
         };
         self.set_motion(order, trajectory);
+        self.join_group(order);
         Ok(())
     }
 

@@ -33,7 +33,7 @@ mod opening;
 use serde::{Deserialize, Serialize};
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionState, OnPath};
-use armada_protocol::messages::{MotionKind, ReducedLimits};
+use armada_protocol::messages::{Coupling, MotionKind, ReducedLimits};
 
 use self::opening::Opening;
 pub(super) use self::opening::{StartPoint, check_near, check_suits};
@@ -56,6 +56,10 @@ pub(in crate::control) struct TrajectoryMotion {
     /// The highest rate that is allowed.
     cap: f64,
     paused: bool,
+    /// Whether it and its partners are paused together.
+    held: bool,
+    /// How closely it is tied to its partners, if it has any.
+    coupling: Option<Coupling>,
     hint: usize,
     waypoint: usize,
     /// Places at which a way into the next trajectory was looked for.
@@ -109,6 +113,8 @@ impl TrajectoryMotion {
             ratio: speed.ratio,
             cap: speed.cap(&leg),
             paused: false,
+            held: false,
+            coupling: None,
             hint: 0,
             waypoint: 0,
             attempts: 0,
@@ -131,21 +137,39 @@ impl TrajectoryMotion {
     }
 
     /// Whether its clock runs.
-    pub(super) const fn has_begun(&self) -> bool {
+    pub(in crate::control) const fn has_begun(&self) -> bool {
         !matches!(self.pace, Pace::Before)
     }
 
-    /// Whether it began, or begins, at an instant: with other robots, whose pace it has to keep.
+    /// Whether it began, or begins, at an instant with other robots that it cannot tell anything:
+    /// their pace it has to keep.
     pub(super) const fn is_common(&self) -> bool {
-        self.start.is_some()
+        self.start.is_some() && self.coupling.is_none()
+    }
+
+    /// Whether it is followed together with other robots.
+    pub(super) const fn has_partners(&self) -> bool {
+        self.coupling.is_some()
+    }
+
+    /// Whether its pace is that of all its partners.
+    pub(in crate::control) const fn shares_pace(&self) -> bool {
+        matches!(self.coupling, Some(Coupling::TimeSynced | Coupling::Rigid))
     }
 
     pub(super) const fn is_paused(&self) -> bool {
-        self.paused
+        self.paused || self.held
+    }
+
+    /// Notes whether it and its partners are paused together; returns whether that is a change.
+    pub(in crate::control) const fn set_held(&mut self, held: bool) -> bool {
+        let before = self.held;
+        self.held = held;
+        before != held
     }
 
     /// How fast the clock runs.
-    pub(super) const fn rate(&self) -> f64 {
+    pub(in crate::control) const fn rate(&self) -> f64 {
         match &self.pace {
             Pace::Before => 0.0,
             Pace::Ticks(_) => 1.0,
@@ -154,7 +178,7 @@ impl TrajectoryMotion {
     }
 
     /// Where it is on its course \[s\].
-    pub(super) fn phase_s(&self, period_s: f64) -> f64 {
+    pub(in crate::control) fn phase_s(&self, period_s: f64) -> f64 {
         match &self.pace {
             Pace::Before => 0.0,
             Pace::Ticks(clock) => *clock as f64 * period_s,
@@ -190,7 +214,12 @@ impl TrajectoryMotion {
     }
 
     /// Changes the speed of this motion; at once if it has not begun, else jerk-limited.
-    pub(super) fn set_ratio(&mut self, ratio: f64, limits: &MotionLimits, period_s: f64) {
+    pub(in crate::control) fn set_ratio(
+        &mut self,
+        ratio: f64,
+        limits: &MotionLimits,
+        period_s: f64,
+    ) {
         self.ratio = ratio;
         if self.has_begun() && (self.rate_asked() < 1.0 || self.is_on_path()) {
             self.demand(limits, period_s);

@@ -150,5 +150,5 @@ fn report(
         paused: false,
         queued: 0,
     };
-    MotionReport { id, kind, executor, status, reason, started: None, progress }
+    MotionReport { id, kind, executor, status, reason, started: None, progress, group: None }
 }

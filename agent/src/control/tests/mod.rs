@@ -8,6 +8,7 @@ mod delegated;
 mod equipment;
 mod faults;
 mod flags;
+mod group;
 mod home;
 mod invariants;
 mod jog;

@@ -17,8 +17,9 @@ use uuid::Uuid;
 
 pub(super) use super::plant::Plant;
 use crate::control::{
-    FollowOrder, Granted, Input, JogOrder, LoopEvent, LoopRequest, LoopState, MAX_REQUESTS,
-    MAX_SAMPLES, MotionReport, Order, Output, Params, Refusal, Retired, StreamSample, step,
+    FollowOrder, Granted, GroupWord, Input, JogOrder, LoopEvent, LoopRequest, LoopState,
+    MAX_REQUESTS, MAX_SAMPLES, MAX_WORDS, MotionReport, Order, Output, Params, Refusal, Retired,
+    StreamSample, step,
 };
 use crate::drivers::{Feedback, SetPoint};
 
@@ -120,6 +121,8 @@ pub(super) struct Rig {
     /// Samples of streams for the next ticks, and the number of the last.
     pub(super) samples: Vec<StreamSample>,
     pub(super) sample_seq: u64,
+    /// Words of partners for the next ticks.
+    pub(super) words: Vec<GroupWord>,
     requests: Vec<LoopRequest>,
     tickets: u64,
     watch: Watch,
@@ -146,6 +149,7 @@ impl Rig {
             last: None,
             samples: Vec::new(),
             sample_seq: 0,
+            words: Vec::new(),
             requests: Vec::new(),
             tickets: 0,
             watch: Watch::default(),
@@ -253,6 +257,10 @@ impl Rig {
             loop_error: self.loop_error,
             requests: self.requests.drain(..count).collect::<ArrayVec<_, MAX_REQUESTS>>(),
             stream: self.samples.drain(..waiting).collect::<ArrayVec<_, MAX_SAMPLES>>(),
+            group: self
+                .words
+                .drain(..self.words.len().min(MAX_WORDS))
+                .collect::<ArrayVec<_, MAX_WORDS>>(),
         };
         let output = step(&self.params, &mut self.state, &mut input);
         assert!(input.requests.is_empty(), "requests were left in the input");

@@ -1,6 +1,7 @@
 //! The methods under `rpc/`: requests become orders for the loop, its answers become replies.
 
 mod equipment;
+mod group;
 mod jog;
 mod kinematics;
 mod lease;
@@ -35,8 +36,10 @@ use super::board::{Board, SharedBoard};
 use super::clock::monotonic;
 use super::desk::Remark;
 use super::equipment::SharedEquipment;
+use super::groups::Groups;
 use super::motion_log::queued;
 use super::recordings::Recorder;
+use super::self_collision::SelfCollision;
 use super::stop_gate::StopGate;
 use super::stop_keeper::StopKeeper;
 use crate::control::{Granted, LoopRequest, Order, Params};
@@ -70,6 +73,10 @@ pub(super) struct Requests {
     pub(super) resetting: tokio::sync::Mutex<()>,
     /// None if nothing is recorded.
     pub(super) recorder: Option<Recorder>,
+    /// The keys of motions of several robots.
+    pub(super) groups: Arc<Groups>,
+    /// The robot's own links, if they have shapes.
+    pub(super) own_links: Option<Arc<SelfCollision>>,
 }
 
 /// Who asks, and under which lease.

@@ -10,6 +10,8 @@ use armada_protocol::messages::{
 };
 use uuid::Uuid;
 
+use super::group::PreparedGroup;
+use super::trajectory::check_lease_loss;
 use super::{Asker, Requests, check_new};
 use crate::control::{FollowOrder, Refusal};
 use crate::runtime::clock::monotonic;
@@ -19,28 +21,68 @@ use crate::runtime::leases::check_may_move;
 const PREPARED_TTL: Duration = Duration::from_secs(5);
 /// Prepared motions that are kept at once.
 const MAX_PREPARED: usize = 8;
+/// How long the keys of a group stay open beyond that, for a commit that comes just in time.
+const GRACE: Duration = Duration::from_secs(1);
 
 /// A valid trajectory that waits for its commit.
 pub(in crate::runtime) struct PreparedMotion {
     trajectory: Arc<CompiledTrajectory>,
+    on_lease_loss: LeaseLoss,
+    /// None if it is followed alone, at an instant.
+    group: Option<PreparedGroup>,
     epoch: u64,
     expires: MonoTime,
 }
 
 impl Requests {
-    #[expect(clippy::unused_async, reason = "one form for all methods")]
     pub(super) async fn prepare(
         &self,
         asker: Asker,
         params: PrepareParams,
     ) -> Result<Prepared, Denial> {
+        check_lease_loss(params.on_lease_loss)?;
         // Alone, a robot at reduced speed would slow a fast trajectory down; its partners would not
         // wait for it.
         let trajectory = self.compile(&params.trajectory, &self.limits_of_moves())?;
         let epoch = self.check_ready_to_follow(&asker, &trajectory)?;
-        let now = monotonic();
+        if params.group.is_some() && params.motion_id.is_none() {
+            let text = "motion_id is left out, but all robots of a group need the same";
+            let denial = Denial::new(DenialCode::InvalidArgument, text);
+            return Err(denial.with("field", "motion_id"));
+        }
+        let group = match &params.group {
+            Some(group) => Some(self.prepare_group(group, &trajectory).await?),
+            None => None,
+        };
+        if !group.is_some_and(|(group, _)| group.shares_pace()) {
+            self.check_full_speed()?;
+        }
         let motion_id = params.motion_id.unwrap_or_else(Uuid::now_v7);
         let duration_s = trajectory.duration_s();
+        let expires = monotonic() + PREPARED_TTL;
+        self.keep_prepared(
+            motion_id,
+            PreparedMotion {
+                trajectory,
+                on_lease_loss: params.on_lease_loss,
+                group: group.map(|(group, _)| group),
+                epoch,
+                expires,
+            },
+        )?;
+        if let Some(group) = &params.group
+            && let Err(denial) = self.groups.open(motion_id, &group.partners, expires + GRACE).await
+        {
+            self.take_prepared(motion_id);
+            return Err(denial);
+        }
+        let ttl_ms = u64::try_from(PREPARED_TTL.as_millis()).unwrap_or(u64::MAX);
+        let group = group.map(|(_, readiness)| readiness);
+        Ok(Prepared { motion_id, duration_s, epoch, ttl_ms, group })
+    }
+
+    fn keep_prepared(&self, motion_id: Uuid, motion: PreparedMotion) -> Result<(), Denial> {
+        let now = monotonic();
         let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
         prepared.retain(|_, motion| motion.expires > now);
         if prepared.len() >= MAX_PREPARED {
@@ -50,10 +92,8 @@ impl Requests {
             ));
         }
         check_new(&self.board.lock(), motion_id)?;
-        prepared
-            .insert(motion_id, PreparedMotion { trajectory, epoch, expires: now + PREPARED_TTL });
-        let ttl_ms = u64::try_from(PREPARED_TTL.as_millis()).unwrap_or(u64::MAX);
-        Ok(Prepared { motion_id, duration_s, epoch, ttl_ms, group: None })
+        prepared.insert(motion_id, motion);
+        Ok(())
     }
 
     pub(super) async fn commit(
@@ -74,6 +114,15 @@ impl Requests {
                 format!("motion {} is not prepared, or its time is over", params.motion_id),
             )
         })?;
+        let group = match (&prepared.group, params.rate_slope_s) {
+            (Some(group), slope) => Some(group.order(slope)?),
+            (None, None) => None,
+            (None, Some(_)) => {
+                let text = "rate_slope_s is for motions that were prepared with a group";
+                let denial = Denial::new(DenialCode::InvalidArgument, text);
+                return Err(denial.with("field", "rate_slope_s"));
+            }
+        };
         let order = FollowOrder {
             id: params.motion_id,
             trajectory: prepared.trajectory,
@@ -81,7 +130,8 @@ impl Requests {
             epoch: Some(prepared.epoch),
             kind: MotionKind::Trajectory,
             queue: Queue::Refuse,
-            on_lease_loss: LeaseLoss::StopOnPath,
+            on_lease_loss: prepared.on_lease_loss,
+            group,
         };
         self.follow(&asker, order).await
     }
@@ -124,6 +174,22 @@ impl Requests {
         if let Some(motion) = snapshot.motion {
             return refuse(Refusal::Busy(motion.id));
         }
+        let (start, measured) = (trajectory.start(), snapshot.joint_position);
+        let distances = start.iter().zip(measured.iter()).map(|(a, b)| (a - b).abs());
+        for (joint, (value, &limit)) in
+            distances.zip(self.params.start_tolerance.iter()).enumerate()
+        {
+            if value > limit {
+                return refuse(Refusal::StartTolerance { joint, value, limit });
+            }
+        }
+        Ok(snapshot.epoch)
+    }
+
+    /// Refuses a robot that goes slower than its partners would.
+    fn check_full_speed(&self) -> Result<(), Denial> {
+        let board = self.board.lock();
+        let snapshot = &board.snapshot;
         if snapshot.speed_ratio < 1.0 {
             // Its partners would go at their own speed, and meet where nobody looked.
             let robot = &board.vocabulary.robot;
@@ -136,15 +202,6 @@ impl Requests {
                 .with("value", snapshot.speed_ratio)
                 .with("limit", 1.0));
         }
-        let (start, measured) = (trajectory.start(), snapshot.joint_position);
-        let distances = start.iter().zip(measured.iter()).map(|(a, b)| (a - b).abs());
-        for (joint, (value, &limit)) in
-            distances.zip(self.params.start_tolerance.iter()).enumerate()
-        {
-            if value > limit {
-                return refuse(Refusal::StartTolerance { joint, value, limit });
-            }
-        }
-        Ok(snapshot.epoch)
+        Ok(())
     }
 }

@@ -167,6 +167,7 @@ impl Requests {
             kind,
             queue: options.queue,
             on_lease_loss: options.on_lease_loss,
+            group: None,
         };
         let accepted = self.follow(asker, order).await?;
         self.board.lock().connected.begin(id, &plan.passed_s);

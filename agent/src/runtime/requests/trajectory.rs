@@ -39,6 +39,7 @@ impl Requests {
             kind: MotionKind::Trajectory,
             queue: params.queue,
             on_lease_loss: params.on_lease_loss,
+            group: None,
         };
         let accepted = self.follow(&asker, order).await?;
         self.finish(accepted, answering).await
@@ -131,7 +132,7 @@ impl Requests {
 }
 
 /// Refuses a time to go on without a lease that is out of its range.
-fn check_lease_loss(reaction: LeaseLoss) -> Result<(), Denial> {
+pub(super) fn check_lease_loss(reaction: LeaseLoss) -> Result<(), Denial> {
     match reaction {
         LeaseLoss::ContinueS(time_s) if !(time_s > 0.0 && time_s <= MAX_CONTINUE_S) => {
             Err(Denial::new(

@@ -14,10 +14,10 @@ fn vocabulary() -> Vocabulary {
         reduced: ReducedLimits::default(),
         home: None,
     };
-    Vocabulary {
-        robot: "left_arm".parse().expect("a name"),
-        joints: vec![joint("elbow", JointType::Revolute), joint("rail", JointType::Prismatic)],
-    }
+    let joints = vec![joint("elbow", JointType::Revolute), joint("rail", JointType::Prismatic)];
+    let mut vocabulary = Vocabulary::new("left_arm".parse().expect("a name"), joints);
+    vocabulary.groups.note(Uuid::from_u128(9), &["right_arm".parse().expect("a name")]);
+    vocabulary
 }
 
 /// Makes the table of refusals, and a match over them that a new one does not pass.
@@ -88,10 +88,25 @@ refusals! {
     Refusal::EquipmentChanged { .. } =>
         Refusal::EquipmentChanged { given: 1, current: 2 }, StaleModel;
     Refusal::Superseded => Refusal::Superseded, Busy;
+    Refusal::StartTooSoon { .. } =>
+        Refusal::StartTooSoon { lead_s: 0.004, least_s: 0.02 }, Timeout;
+    Refusal::Partner { fault: PartnerFault::Aborted, .. } =>
+        partner(PartnerFault::Aborted), NotReady;
+    Refusal::Partner { fault: PartnerFault::NotReady, .. } =>
+        partner(PartnerFault::NotReady), NotReady;
+    Refusal::Partner { fault: PartnerFault::Silent(_), .. } =>
+        partner(PartnerFault::Silent(0.061)), CommunicationLost;
+    Refusal::Partner { fault: PartnerFault::Diverged(_), .. } =>
+        partner(PartnerFault::Diverged(0.055)), Tolerance;
+}
+
+fn partner(fault: PartnerFault) -> Refusal {
+    Refusal::Partner { group: Uuid::from_u128(9), partner: 0, fault }
 }
 
 /// Codes that no refusal of the loop has, and where they are produced and tested.
-const ELSEWHERE: [(DenialCode, &str); 5] = [
+const ELSEWHERE: [(DenialCode, &str); 6] = [
+    (DenialCode::Collision, "own links, self_collision.rs; the gateway"),
     (DenialCode::AlreadyAttached, "tools and payloads, agent/tests/equipment.rs"),
     (DenialCode::Unreachable, "inverse kinematics, agent/tests/moves.rs; the gateway"),
     (DenialCode::TooLarge, "codec.rs: a payload above the limit; here: a long trajectory"),
@@ -100,10 +115,8 @@ const ELSEWHERE: [(DenialCode, &str); 5] = [
 ];
 
 /// Codes whose methods are built by others, or later.
-const LATER: [(DenialCode, &str); 2] = [
-    (DenialCode::StaleSequence, "streams count such samples; no request has a number yet"),
-    (DenialCode::Collision, "collision checks"),
-];
+const LATER: [(DenialCode, &str); 1] =
+    [(DenialCode::StaleSequence, "streams count such samples; no request has a number yet")];
 
 #[test]
 fn every_refusal_has_its_code_and_words_of_the_house() {
@@ -175,4 +188,19 @@ fn whoever_is_refused_for_a_lease_learns_who_holds_it_and_for_how_long() {
     assert_eq!(person.message, "left_arm is driven by anna (supervisor) for another 0.4 s");
     assert_eq!(person.details["role"], "supervisor");
     assert_eq!(denial.details["remaining_ms"], 3200.0);
+}
+
+#[test]
+fn a_partner_is_told_by_its_name_and_its_own_reason() {
+    let mut vocabulary = vocabulary();
+    let silent = vocabulary.denial(&partner(PartnerFault::Silent(0.0612)));
+    assert_eq!(silent.message, "partner right_arm was not heard for 61 ms");
+    let reason = Denial::new(DenialCode::Faulted, "right_arm has the fault tracking_error");
+    vocabulary.groups.note_reason(Uuid::from_u128(9), 0, reason);
+    let aborted = vocabulary.denial(&partner(PartnerFault::Aborted));
+    assert_eq!(aborted.code, DenialCode::Faulted);
+    assert_eq!(
+        aborted.message,
+        "partner right_arm stopped: right_arm has the fault tracking_error"
+    );
 }

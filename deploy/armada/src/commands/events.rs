@@ -10,6 +10,8 @@ use crate::exit::Exit;
 use crate::output::{Output, note};
 use crate::words;
 
+/// Detail of an event that the gateway passes on: its number at the robot.
+const PASSED_ON: &str = "robot_seqno";
 /// Events kept while the printer is slow.
 const CAPACITY: usize = 4096;
 
@@ -39,27 +41,43 @@ pub(crate) async fn run(args: EventsArgs) -> anyhow::Result<Exit> {
     let interrupted = tokio::signal::ctrl_c();
     tokio::pin!(interrupted);
     while !out.is_closed() {
-        let event = tokio::select! {
+        let (from, event) = tokio::select! {
             _ = &mut interrupted => break,
-            event = robots.next() => event?.1,
-            event = gateway.next() => event?.1,
+            event = robots.next() => {
+                let event = event?.1;
+                (event.robot.clone(), event)
+            }
+            event = gateway.next() => (None, event?.1),
         };
         let wanted = args.robots.is_empty()
             || event.robot.as_ref().is_some_and(|robot| args.robots.contains(robot));
         if wanted {
-            print(&event, &mut seen, &out)?;
+            print(&event, from, &mut seen, &out)?;
         }
     }
     Ok(Exit::Success)
 }
 
-fn print(event: &Event, seen: &mut Seen, out: &Output) -> anyhow::Result<()> {
-    match seen.take(event) {
-        Order::Repeated => return Ok(()),
-        Order::Next => {}
-        Order::After(missing) => {
-            note(format_args!("{}: {missing} events were lost", sender(event)));
-        }
+/// Whether the gateway passes on what a robot has told, which is heard from the robot itself.
+fn is_passed_on(from: Option<&RobotName>, event: &Event) -> bool {
+    from.is_none() && event.details.contains_key(PASSED_ON)
+}
+
+/// Prints an event from a robot, or from the gateway.
+fn print(
+    event: &Event,
+    from: Option<RobotName>,
+    seen: &mut Seen,
+    out: &Output,
+) -> anyhow::Result<()> {
+    let is_passed_on = is_passed_on(from.as_ref(), event);
+    let name = from.as_ref().map_or_else(|| "gateway".to_owned(), ToString::to_string);
+    let order = seen.take(from, event);
+    if let Order::After(missing) = order {
+        note(format_args!("{name}: {missing} events were lost"));
+    }
+    if is_passed_on || order == Order::Repeated {
+        return Ok(());
     }
     if out.is_json() { out.json_line(event) } else { out.line(text(event)) }
 }
@@ -97,7 +115,7 @@ fn time_of_day(utc_ns: u64) -> String {
 struct Seen(Vec<(Option<RobotName>, Uuid, u64)>);
 
 /// How an event's number follows the last one.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Order {
     Next,
     After(u64),
@@ -105,8 +123,9 @@ enum Order {
 }
 
 impl Seen {
-    fn take(&mut self, event: &Event) -> Order {
-        let known = self.0.iter_mut().find(|(robot, _, _)| robot == &event.robot);
+    /// Takes an event from a robot, or from the gateway, which numbers all that it sends.
+    fn take(&mut self, from: Option<RobotName>, event: &Event) -> Order {
+        let known = self.0.iter_mut().find(|(robot, _, _)| *robot == from);
         match known {
             Some((_, boot, last)) if *boot == event.boot_id => {
                 let order = match event.seqno.checked_sub(*last) {
@@ -122,7 +141,7 @@ impl Seen {
                 Order::Next
             }
             None => {
-                self.0.push((event.robot.clone(), event.boot_id, event.seqno));
+                self.0.push((from, event.boot_id, event.seqno));
                 Order::Next
             }
         }
@@ -136,9 +155,13 @@ mod tests {
 
     use super::*;
 
+    fn torso() -> Option<RobotName> {
+        Some("torso".parse().expect("a name"))
+    }
+
     fn event(seqno: u64) -> Event {
         Event {
-            robot: Some("torso".parse().expect("a name")),
+            robot: torso(),
             boot_id: Uuid::nil(),
             seqno,
             stamp_ns: MonoTime::ZERO,
@@ -153,18 +176,32 @@ mod tests {
     #[test]
     fn a_gap_in_the_numbers_is_told() {
         let mut seen = Seen::default();
-        assert_eq!(seen.take(&event(7)), Order::Next);
-        assert_eq!(seen.take(&event(8)), Order::Next);
-        assert_eq!(seen.take(&event(8)), Order::Repeated);
-        assert_eq!(seen.take(&event(12)), Order::After(3));
+        assert_eq!(seen.take(torso(), &event(7)), Order::Next);
+        assert_eq!(seen.take(torso(), &event(8)), Order::Next);
+        assert_eq!(seen.take(torso(), &event(8)), Order::Repeated);
+        assert_eq!(seen.take(torso(), &event(12)), Order::After(3));
+    }
+
+    #[test]
+    fn what_the_gateway_passes_on_counts_in_its_numbers_but_is_told_once() {
+        let mut passed_on = event(7);
+        passed_on.details.insert(PASSED_ON.to_owned(), 3.into());
+        assert!(is_passed_on(None, &passed_on));
+        assert!(!is_passed_on(torso().as_ref(), &passed_on));
+        assert!(!is_passed_on(None, &event(7)));
+        let mut seen = Seen::default();
+        assert_eq!(seen.take(torso(), &event(3)), Order::Next);
+        assert_eq!(seen.take(None, &passed_on), Order::Next);
+        assert_eq!(seen.take(None, &event(8)), Order::Next);
+        assert_eq!(seen.take(torso(), &event(4)), Order::Next);
     }
 
     #[test]
     fn a_new_run_of_the_sender_begins_anew() {
         let mut seen = Seen::default();
-        seen.take(&event(7));
+        seen.take(torso(), &event(7));
         let restarted = Event { boot_id: Uuid::max(), ..event(0) };
-        assert_eq!(seen.take(&restarted), Order::Next);
+        assert_eq!(seen.take(torso(), &restarted), Order::Next);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The commands, one per file.
 
 pub(crate) mod call;
+pub(crate) mod clearance;
 pub(crate) mod completions;
 pub(crate) mod control;
 pub(crate) mod events;
@@ -25,6 +26,7 @@ mod typed_value;
 pub(crate) mod up;
 pub(crate) mod values;
 pub(crate) mod watch;
+pub(crate) mod why;
 
 use std::future::Future;
 
@@ -52,6 +54,8 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Exit> {
             block_on(process::emulator::run(args))
         }
         Command::Status(args) => block_on(status::run(args)),
+        Command::Why(args) => block_on(why::run(args)),
+        Command::CheckClearance(args) => block_on(clearance::run(args)),
         Command::Watch(args) => block_on(watch::run(args)),
         Command::Info(args) => block_on(info::run(args)),
         Command::Events(args) => block_on(events::run(args)),

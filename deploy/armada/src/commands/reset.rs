@@ -1,14 +1,19 @@
 //! `armada reset`.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead as _, IsTerminal as _};
+use std::path::PathBuf;
 
+use anyhow::Context as _;
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{
-    CellResetAnswer, CellResetParams, Denial, DenialCode, LatchedStop, StopLatch,
+    CellResetAnswer, CellResetParams, Denial, DenialCode, LatchedStop, ResetParams, ResetZone,
+    StopLatch,
 };
 use armada_protocol::method::{cell, robot};
-use clap::Args;
+use armada_protocol::signature::SigningKey;
+use clap::{Args, ValueHint};
 
 use crate::cell_address::{CellAddress, CellArgs};
 use crate::commands::modes::robots_or_all;
@@ -21,6 +26,7 @@ use crate::words;
 #[command(after_help = "Examples:
   armada reset                  clear the stops of all robots, after a question
   armada reset left_arm --yes   one robot, without a question
+  armada reset --key-file cell.key    with the key that robots ask their resets to be signed with
 
 Nothing moves and nothing is enabled by it. Without the gateway the agents are asked directly.
 On a terminal it asks first; a script that is sure need not say --yes.")]
@@ -31,6 +37,9 @@ pub(crate) struct ResetArgs {
     /// Do not ask
     #[arg(long, short)]
     yes: bool,
+    /// File with the key for robots that ask for a signature
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    key_file: Option<PathBuf>,
     #[command(flatten)]
     cell: CellArgs,
 }
@@ -43,11 +52,16 @@ struct Latched {
 
 /// Lists what is latched, asks, and clears it.
 pub(crate) async fn run(args: ResetArgs) -> anyhow::Result<Exit> {
+    let key = args.key_file.as_deref().map(SigningKey::read).transpose();
+    let key = key.context("--key-file")?;
     let (client, address) = args.cell.connect().await?;
     let out = args.cell.output();
     let latched = latched(&client, &address, args.robots).await?;
     for (robot, latch) in &latched.robots {
         latch.stops.iter().for_each(|stop| note(format_args!("{robot}: {}", in_words(stop))));
+        if let Some(needed) = still_needed(latch, key.is_some()) {
+            note(format_args!("{robot}: {needed}"));
+        }
     }
     if latched.robots.is_empty() {
         return report(&CellResetAnswer { reset: vec![], refused: vec![] }, &out);
@@ -57,12 +71,56 @@ pub(crate) async fn run(args: ResetArgs) -> anyhow::Result<Exit> {
         return Ok(Exit::Failure);
     }
     let answer = if latched.by_gateway {
-        let robots = latched.robots.into_iter().map(|(robot, _)| robot).collect();
-        client.call_cell::<cell::Reset>(CellResetParams { robots, ..Default::default() }).await?
+        reset_by_gateway(&client, latched.robots, key.as_ref()).await?
     } else {
-        reset_at_agents(&client, latched.robots).await
+        reset_at_agents(&client, latched.robots, key.as_ref()).await
     };
     report(&answer, &out)
+}
+
+/// What is to be done before the reset of this stop can succeed, as far as it is known.
+fn still_needed(latch: &StopLatch, has_key: bool) -> Option<&'static str> {
+    let needs = &latch.reset;
+    if needs.zone == ResetZone::Manual && !needs.acknowledged {
+        Some("somebody has to acknowledge it at the arm first")
+    } else if needs.signed && !has_key {
+        Some("its reset has to be signed: --key-file FILE")
+    } else {
+        None
+    }
+}
+
+/// The reset of the stops that were shown, signed if the robot asks for it and there is a key.
+async fn params(
+    client: &Client,
+    robot: &RobotName,
+    latch: &StopLatch,
+    key: Option<&SigningKey>,
+) -> Result<ResetParams, ClientError> {
+    let params = latch.reset_params();
+    match key {
+        Some(key) if latch.reset.signed => {
+            let boot_id = client.robot_status(robot).await?.boot_id;
+            Ok(key.sign_reset(robot, boot_id, params))
+        }
+        _ => Ok(params),
+    }
+}
+
+async fn reset_by_gateway(
+    client: &Client,
+    latched: Vec<(RobotName, StopLatch)>,
+    key: Option<&SigningKey>,
+) -> anyhow::Result<CellResetAnswer> {
+    let mut signed = BTreeMap::new();
+    for (robot, latch) in latched.iter().filter(|(_, latch)| latch.reset.signed) {
+        let reset = params(client, robot, latch, key).await.with_context(|| robot.to_string())?;
+        if reset.signature.is_some() {
+            signed.insert(robot.clone(), reset);
+        }
+    }
+    let robots = latched.into_iter().map(|(robot, _)| robot).collect();
+    Ok(client.call_cell::<cell::Reset>(CellResetParams { robots, signed }).await?)
 }
 
 async fn latched(
@@ -94,10 +152,18 @@ async fn latched(
     }
 }
 
-async fn reset_at_agents(client: &Client, robots: Vec<(RobotName, StopLatch)>) -> CellResetAnswer {
+async fn reset_at_agents(
+    client: &Client,
+    robots: Vec<(RobotName, StopLatch)>,
+    key: Option<&SigningKey>,
+) -> CellResetAnswer {
     let mut answer = CellResetAnswer { reset: vec![], refused: vec![] };
     for (robot, latch) in robots {
-        match client.call::<robot::Reset>(&robot, latch.reset_params()).await {
+        let asked = async {
+            let params = params(client, &robot, &latch, key).await?;
+            client.call::<robot::Reset>(&robot, params).await
+        };
+        match asked.await {
             Ok(done) => answer.reset.push((robot, done.cleared)),
             Err(ClientError::Denied(denial)) => answer.refused.push((robot, denial)),
             Err(error) => {
@@ -145,7 +211,7 @@ fn report(answer: &CellResetAnswer, out: &Output) -> anyhow::Result<Exit> {
 
 #[cfg(test)]
 mod tests {
-    use armada_protocol::messages::StopLevel;
+    use armada_protocol::messages::{ResetNeeds, StopLevel, StopStage};
     use uuid::Uuid;
 
     use super::*;
@@ -154,6 +220,23 @@ mod tests {
     fn only_a_clear_yes_resets() {
         assert!(is_yes("Y\n") && is_yes("yes\n"));
         assert!(!is_yes("\n") && !is_yes("no\n") && !is_yes("yep, maybe\n"));
+    }
+
+    #[test]
+    fn what_a_reset_needs_is_told_before_anything_is_asked() {
+        let latch = |zone, acknowledged, signed| StopLatch {
+            level: StopLevel::L1,
+            stops: vec![],
+            stage: StopStage::Standstill,
+            reset: ResetNeeds { nonce: Uuid::nil(), signed, zone, acknowledged },
+        };
+        let remote = latch(ResetZone::Remote, true, false);
+        assert_eq!(still_needed(&remote, false), None);
+        let signed = latch(ResetZone::Remote, true, true);
+        assert!(still_needed(&signed, false).is_some_and(|text| text.contains("--key-file")));
+        assert_eq!(still_needed(&signed, true), None);
+        let at_arm = latch(ResetZone::Manual, false, true);
+        assert!(still_needed(&at_arm, true).is_some_and(|text| text.contains("at the arm")));
     }
 
     #[test]

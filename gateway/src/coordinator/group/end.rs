@@ -5,7 +5,7 @@ use std::time::Duration;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{ActionStatus, Denial, DenialCode, EventKind, Severity};
 
-use super::part::{Abort, POLL_AFTER, Part, Step};
+use super::part::{Abort, Part, Step};
 use super::{Context, Group, Phase, STATUS_TIMEOUT};
 use crate::coordinator::io::{Action, AgentAnswer, AgentCall, CellAnswer};
 use crate::coordinator::plan;
@@ -19,8 +19,12 @@ impl Group {
         let is_late = |part: &&Part| !matches!(part.step, Step::Prepared | Step::Committed);
         let late = self.parts.iter().filter(|(_, part)| is_late(part)).map(|(r, _)| r.as_str());
         let late: Vec<_> = late.collect();
-        let message = format!("no answer in time from {}; nothing moves", late.join(", "));
-        let denial = Denial::new(DenialCode::Timeout, message).with("robots", late);
+        let denial = if matches!(self.phase, Phase::Checking { .. }) {
+            Denial::new(DenialCode::Timeout, "its clearance was not checked in time; nothing moves")
+        } else {
+            let message = format!("no answer in time from {}; nothing moves", late.join(", "));
+            Denial::new(DenialCode::Timeout, message).with("robots", late)
+        };
         self.fail(denial, cx);
     }
 
@@ -45,6 +49,7 @@ impl Group {
             cx.outbox.answer(ticket, Err(denial));
         }
         self.outcome = Some((status, reason));
+        self.give_up_lost_parts();
         self.phase = Phase::Ending { deadline: cx.now + cx.timers.ending };
         let open = self.parts.iter().filter(|(_, part)| part.is_open());
         for robot in open.map(|(robot, _)| robot.clone()).collect::<Vec<_>>() {
@@ -79,50 +84,6 @@ impl Group {
         }
     }
 
-    /// Watches parts that should be heard of.
-    pub(super) fn listen(&mut self, cx: &mut Context<'_>) {
-        let silence = cx.timers.silence;
-        let is_silent = |part: &Part| part.silence_time(silence).is_some_and(|at| at <= cx.now);
-        let silent = self.parts.iter().find(|(_, part)| is_silent(part));
-        if let Some((robot, _)) = silent {
-            let why = format!("nothing was heard of its part for {} ms", silence.as_millis());
-            let denial = plan::of(robot, DenialCode::CommunicationLost, &why);
-            self.fail(denial, cx);
-        } else {
-            self.poll(cx);
-        }
-    }
-
-    /// Asks for the status of parts that are silent.
-    pub(super) fn poll(&mut self, cx: &mut Context<'_>) {
-        let mut due = Vec::new();
-        for (robot, part) in &mut self.parts {
-            if part.poll_time().is_some_and(|at| at <= cx.now) {
-                part.next_poll = cx.now + POLL_AFTER;
-                due.push(robot.clone());
-            }
-        }
-        for robot in due {
-            self.ask(&robot, AgentCall::Motion(self.id), STATUS_TIMEOUT, cx);
-        }
-    }
-
-    pub(super) fn poll_answered(
-        &mut self,
-        robot: &RobotName,
-        result: Result<AgentAnswer, Denial>,
-        cx: &mut Context<'_>,
-    ) {
-        let Some(part) = self.parts.get_mut(robot) else { return };
-        if let Err(denial) = result
-            && denial.code == DenialCode::NotAttached
-        {
-            part.give_up(denial.clone());
-            self.changed = true;
-            self.fail(plan::by(robot, denial), cx);
-        }
-    }
-
     pub(super) fn give_up_open_parts(&mut self) {
         for (robot, part) in &mut self.parts {
             if part.is_open() {
@@ -138,6 +99,9 @@ impl Group {
 
     /// What follows from the parts: the end, answers to cancels, and what is published.
     pub(super) fn go_on(&mut self, cx: &mut Context<'_>) {
+        if self.phase == Phase::Ended {
+            return;
+        }
         let all_complete = || self.parts.values().all(|p| p.status == ActionStatus::Complete);
         if self.phase == Phase::Running && self.outcome.is_none() && all_complete() {
             self.outcome = Some((ActionStatus::Complete, None));

@@ -1,18 +1,27 @@
 //! A motion of several robots that start at one instant.
 //!
 //! ```text
-//!             every part checked,       every commit             every part
-//! request --> in mode, prepared --> answered before start --> complete
-//!    Preparing --------> Committing --------> Running --------> Ended
-//!        '------------------'------- any ------'---> Ending -----^
+//!             every part checked,     no two parts        every commit            every part
+//! request --> in mode, prepared --> come too near --> answered before start --> complete
+//!    Preparing -----------> Checking -----> Committing ---------> Running --------> Ended
+//!        '----------------------'-------------'------ any ----------'---> Ending ----^
 //!                     refusal, loss, stop, cancel   every part aborted and settled
 //! ```
 //! The client is answered when all parts are committed, or with the first refusal. A motion that
 //! was not accepted never has a status; an accepted one has exactly one terminal status.
+//!
+//! Robots with partners watch each other once they are committed: they start only if all are ready,
+//! and stop together. The gateway then only looks on. A part whose agent it has lost may be well
+//! known to its partners, so the motion goes on as long as one of them is heard; a part that is
+//! known to have ended early ends the others, which they do by themselves too. If the gateway ends,
+//! what runs goes on without it.
 
+mod clock;
+mod control;
 mod end;
 mod part;
 mod start;
+mod watch;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -20,7 +29,8 @@ use std::time::Duration;
 use armada_model::{JointTrajectory, MonoTime};
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    ActionStatus, CellMotionStatus, Coupling, Denial, DenialCode, MotionStatus, StopRequest,
+    ActionStatus, CellMotionStatus, Coupling, Denial, DenialCode, LeaseLoss, MotionStatus,
+    StopRequest,
 };
 use uuid::Uuid;
 
@@ -29,17 +39,20 @@ use super::io::{AgentAnswer, AgentCall, Ticket};
 use super::outbox::{CallKind, Outbox};
 use super::plan;
 use super::robot::RobotRecord;
-use crate::config::MotionTimers;
+use crate::config::{ClearanceConfig, MotionTimers};
 
 const STATUS_TIMEOUT: Duration = Duration::from_millis(1_000);
 const MODE_TIMEOUT: Duration = Duration::from_millis(2_000);
-const PREPARE_TIMEOUT: Duration = Duration::from_millis(4_000);
+const PREPARE_TIMEOUT: Duration = Duration::from_millis(3_000);
+/// From the request to the last commit; the client waits for eight seconds.
+const PATIENCE: Duration = Duration::from_millis(6_500);
 
 /// What a group needs of its surroundings.
 pub(super) struct Context<'a> {
     pub(super) now: MonoTime,
     pub(super) robots: &'a BTreeMap<RobotName, RobotRecord>,
     pub(super) timers: &'a MotionTimers,
+    pub(super) clearance: &'a ClearanceConfig,
     pub(super) outbox: &'a mut Outbox,
 }
 
@@ -49,6 +62,10 @@ pub(super) struct Order {
     pub(super) client: String,
     pub(super) ticket: Ticket,
     pub(super) parts: BTreeMap<RobotName, JointTrajectory>,
+    pub(super) coupling: Coupling,
+    pub(super) leases: BTreeMap<RobotName, Uuid>,
+    pub(super) on_lease_loss: LeaseLoss,
+    pub(super) model_revs: BTreeMap<RobotName, u64>,
 }
 
 /// A motion of several robots.
@@ -62,6 +79,10 @@ pub(super) struct Group {
     /// The decided end.
     outcome: Option<(ActionStatus, Option<Denial>)>,
     parts: BTreeMap<RobotName, Part>,
+    coupling: Coupling,
+    on_lease_loss: LeaseLoss,
+    /// Revisions that the client made the motion for.
+    model_revs: BTreeMap<RobotName, u64>,
     duration_s: f64,
     accepted: bool,
     /// Requests to cancel that were not answered yet.
@@ -76,6 +97,7 @@ pub(super) struct Group {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Preparing { deadline: MonoTime },
+    Checking { deadline: MonoTime },
     Committing { start: MonoTime },
     Running,
     Ending { deadline: MonoTime },
@@ -85,9 +107,12 @@ enum Phase {
 impl Group {
     /// Begins by asking every robot how it is.
     pub(super) fn begin(order: Order, cx: &mut Context<'_>) -> Self {
-        let part = |trajectory| Part::new(trajectory, cx.now);
-        let parts = order.parts.into_iter().map(|(robot, t)| (robot, part(t))).collect();
-        let deadline = cx.now + STATUS_TIMEOUT + MODE_TIMEOUT + PREPARE_TIMEOUT;
+        let part = |(robot, trajectory)| {
+            let lease = order.leases.get(&robot).copied();
+            (robot, Part::new(trajectory, lease, cx.now))
+        };
+        let parts = order.parts.into_iter().map(part).collect();
+        let deadline = cx.now + PATIENCE;
         let group = Self {
             id: order.id,
             client: order.client,
@@ -95,6 +120,9 @@ impl Group {
             phase: Phase::Preparing { deadline },
             outcome: None,
             parts,
+            coupling: order.coupling,
+            on_lease_loss: order.on_lease_loss,
+            model_revs: order.model_revs,
             duration_s: 0.0,
             accepted: false,
             cancels: Vec::new(),
@@ -107,6 +135,11 @@ impl Group {
             group.ask(robot, AgentCall::Status, STATUS_TIMEOUT, cx);
         }
         group
+    }
+
+    /// Whether its robots watch each other.
+    pub(super) fn has_partners(&self) -> bool {
+        self.parts.len() > 1
     }
 
     /// Whether it needs no more attention.
@@ -132,12 +165,10 @@ impl Group {
         let poll = || self.parts.values().filter_map(Part::poll_time).min();
         let publish = Some(self.next_publish).filter(|_| self.accepted);
         match self.phase {
-            Phase::Preparing { deadline } => Some(deadline),
+            Phase::Preparing { deadline } | Phase::Checking { deadline } => Some(deadline),
             Phase::Committing { start } => Some(start),
             Phase::Running => {
-                let silence = |part: &Part| part.silence_time(timers.silence);
-                let silence = self.parts.values().filter_map(silence).min();
-                [silence, poll(), publish].into_iter().flatten().min()
+                [self.silence_time(timers), poll(), publish].into_iter().flatten().min()
             }
             Phase::Ending { deadline } => {
                 let poll = poll().filter(|_| self.accepted);
@@ -182,33 +213,6 @@ impl Group {
         self.go_on(cx);
     }
 
-    /// Ends the motion because the agent of `robot` is gone or another run of it has begun.
-    pub(super) fn on_lost(&mut self, robot: &RobotName, why: &str, cx: &mut Context<'_>) {
-        let Some(part) = self.parts.get_mut(robot) else { return };
-        if part.status.is_terminal() {
-            return;
-        }
-        let denial = plan::of(robot, DenialCode::CommunicationLost, why);
-        part.give_up(denial.clone());
-        self.changed = true;
-        self.fail(denial, cx);
-        self.go_on(cx);
-    }
-
-    /// Ends the motion if its part of `robot` belongs to another run of the agent than `boot_id`.
-    pub(super) fn on_restart(&mut self, robot: &RobotName, boot_id: Uuid, cx: &mut Context<'_>) {
-        let part = self.parts.get(robot);
-        if part.and_then(|part| part.boot_id).is_some_and(|run| run != boot_id) {
-            self.on_lost(robot, "its agent was restarted", cx);
-        }
-    }
-
-    /// Ends the motion because nobody will watch it any more.
-    pub(super) fn on_ending(&mut self, cx: &mut Context<'_>) {
-        self.fail(Denial::new(DenialCode::CommunicationLost, "the gateway ends"), cx);
-        self.go_on(cx);
-    }
-
     /// Ends the motion because of a stop. Robots in scope stop by themselves; the abort that they
     /// get as well costs nothing and reaches one that has not heard the stop.
     pub(super) fn on_stop(&mut self, request: &StopRequest, cx: &mut Context<'_>) {
@@ -233,7 +237,9 @@ impl Group {
     /// Looks at the clock.
     pub(super) fn on_time(&mut self, cx: &mut Context<'_>) {
         match self.phase {
-            Phase::Preparing { deadline } if cx.now >= deadline => self.too_late(cx),
+            Phase::Preparing { deadline } | Phase::Checking { deadline } if cx.now >= deadline => {
+                self.too_late(cx);
+            }
             Phase::Committing { start } if cx.now >= start => self.too_late(cx),
             Phase::Running => self.listen(cx),
             Phase::Ending { deadline } => {
@@ -244,7 +250,10 @@ impl Group {
                     self.poll(cx);
                 }
             }
-            Phase::Preparing { .. } | Phase::Committing { .. } | Phase::Ended => {}
+            Phase::Preparing { .. }
+            | Phase::Checking { .. }
+            | Phase::Committing { .. }
+            | Phase::Ended => {}
         }
         self.go_on(cx);
     }
@@ -258,6 +267,7 @@ impl Group {
         let has_begun = || self.parts.values().any(|part| part.status != ActionStatus::Queued);
         let status = match (&self.outcome, self.phase) {
             (Some((status, _)), Phase::Ended) => *status,
+            _ if self.is_paused() => ActionStatus::Paused,
             _ if has_begun() => ActionStatus::Running,
             _ => ActionStatus::Queued,
         };
@@ -273,9 +283,19 @@ impl Group {
             parts: self.parts.iter().map(|(r, part)| (r.clone(), part.report())).collect(),
             start_skew_ms: ends
                 .map(|(first, last)| last.saturating_since(first).as_secs_f64() * 1e3),
-            coupling: Coupling::Independent,
-            max_divergence_ms: None,
-            start_travel: None,
+            coupling: self.coupling,
+            max_divergence_ms: self.highest(|part| Some(part.quality?.max_divergence_ms)),
+            start_travel: self.highest(|part| Some(part.readiness?.start_travel)),
         }
+    }
+
+    /// Whether everything that has not ended is at rest until it is resumed.
+    fn is_paused(&self) -> bool {
+        let mut open = self.parts.values().filter(|part| !part.status.is_terminal()).peekable();
+        open.peek().is_some() && open.all(|part| part.status == ActionStatus::Paused)
+    }
+
+    fn highest(&self, of: impl Fn(&Part) -> Option<f64>) -> Option<f64> {
+        self.parts.values().filter_map(of).reduce(f64::max)
     }
 }

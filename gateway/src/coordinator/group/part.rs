@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use armada_model::{JointTrajectory, MonoTime};
-use armada_protocol::messages::{ActionStatus, Denial, MotionStatus, PartStatus};
+use armada_protocol::messages::{
+    ActionStatus, Denial, GroupQuality, GroupReadiness, MotionStatus, PartStatus,
+};
 use uuid::Uuid;
 
 /// How often an abort that was not answered is repeated.
@@ -46,8 +48,14 @@ pub(super) enum Abort {
 
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    /// Until it is handed to the agent.
-    pub(super) trajectory: Option<JointTrajectory>,
+    /// Until its clearance is checked.
+    pub(super) trajectory: JointTrajectory,
+    /// The lease under which its agent is asked.
+    pub(super) lease: Option<Uuid>,
+    /// What its agent says of it, if it has partners.
+    pub(super) readiness: Option<GroupReadiness>,
+    /// How well it kept together with its partners.
+    pub(super) quality: Option<GroupQuality>,
     pub(super) step: Step,
     /// Run of the agent the motion belongs to.
     pub(super) boot_id: Option<Uuid>,
@@ -63,12 +71,22 @@ pub(super) struct Part {
     /// When its status may be asked for next.
     pub(super) next_poll: MonoTime,
     pub(super) abort: Abort,
+    /// Whether its agent is gone; its partners watch it, and may know better.
+    pub(super) is_lost: bool,
 }
 
 impl Part {
-    pub(super) const fn new(trajectory: JointTrajectory, now: MonoTime) -> Self {
+    pub(super) const fn new(
+        trajectory: JointTrajectory,
+        lease: Option<Uuid>,
+        now: MonoTime,
+    ) -> Self {
         Self {
-            trajectory: Some(trajectory),
+            trajectory,
+            lease,
+            readiness: None,
+            quality: None,
+            is_lost: false,
             step: Step::Checking,
             boot_id: None,
             status: ActionStatus::Queued,
@@ -111,10 +129,13 @@ impl Part {
         }
         self.seqno = Some(status.seqno);
         self.heard = self.heard.max(now);
+        self.is_lost = false;
+        self.quality = status.group.or(self.quality);
         self.elapsed_s = status.elapsed_s;
         if let (None, Some(started), Some(offset_ns)) = (self.started, status.started_ns, offset_ns)
         {
-            self.started = Some(started.shifted(offset_ns.saturating_neg()));
+            // Set-points go out earlier the later the controller follows them.
+            self.started = Some(started.shifted(offset_ns.saturating_neg()) + self.lag());
         }
         let changed = self.status != status.status;
         self.status = status.status;
@@ -122,6 +143,12 @@ impl Part {
             self.reason.clone_from(&status.reason);
         }
         changed
+    }
+
+    /// How late the controller does what it is sent.
+    pub(super) fn lag(&self) -> Duration {
+        let lag_ms = self.readiness.map_or(0.0, |readiness| readiness.controller_lag_ms);
+        Duration::try_from_secs_f64(1e-3 * lag_ms).unwrap_or_default()
     }
 
     /// Ends the part without a word of its agent.
@@ -153,12 +180,14 @@ impl Part {
     /// When its status is to be asked for if nothing is heard before; `None` if nothing more is
     /// expected.
     pub(super) fn poll_time(&self) -> Option<MonoTime> {
-        self.is_open().then(|| self.next_poll.max(self.heard + POLL_AFTER))
+        let is_there = self.is_open() && !self.is_lost;
+        is_there.then(|| self.next_poll.max(self.heard + POLL_AFTER))
     }
 
     /// When it has been silent for `silence`; `None` if nothing more is expected.
     pub(super) fn silence_time(&self, silence: Duration) -> Option<MonoTime> {
-        self.is_open().then(|| self.heard + silence)
+        let is_there = self.is_open() && !self.is_lost;
+        is_there.then(|| self.heard + silence)
     }
 
     pub(super) fn report(&self) -> PartStatus {

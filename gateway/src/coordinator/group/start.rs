@@ -4,19 +4,26 @@ use std::time::Duration;
 
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    Accepted, CommandMode, CommitParams, Denial, DenialCode, EventKind, LeaseLoss, PrepareParams,
-    Severity,
+    Accepted, CommandMode, CommitParams, Coupling, Denial, DenialCode, EventKind, GroupParams,
+    PrepareParams, Severity,
 };
 use serde_json::Map;
 
 use super::part::Step;
 use super::{Context, Group, MODE_TIMEOUT, PREPARE_TIMEOUT, Phase};
 use crate::coordinator::io::{AgentAnswer, AgentCall, CellAnswer};
-use crate::coordinator::outbox::{Happening, Purpose, Question};
+use crate::coordinator::outbox::{CheckFor, Happening, Purpose, Question};
 use crate::coordinator::plan;
+use crate::world::{ClearanceReport, ClearanceRequest};
 
 /// Longest lead that slow round trips can ask for.
 const MAX_LEAD: Duration = Duration::from_millis(1_000);
+/// Silence of a partner after which all stop \[ms\].
+const LOSS_MS: u64 = 60;
+/// How far the phases of two robots may be apart \[ms\].
+const MAX_DIVERGENCE_MS: f64 = 50.0;
+/// The same for robots that hold something between them \[ms\].
+const RIGID_DIVERGENCE_MS: f64 = 10.0;
 
 impl Group {
     pub(super) fn ask(
@@ -27,7 +34,8 @@ impl Group {
         cx: &mut Context<'_>,
     ) {
         let (client, purpose) = (self.client.as_str(), Purpose::Group(self.id));
-        cx.outbox.ask(Question { robot, client, call, timeout, purpose });
+        let lease = self.parts.get(robot).and_then(|part| part.lease);
+        cx.outbox.ask(Question { robot, client, lease, call, timeout, purpose });
     }
 
     /// One step further with a robot that answered well.
@@ -53,8 +61,16 @@ impl Group {
             (Step::Preparing, AgentAnswer::Prepared(prepared)) => {
                 part.step = Step::Prepared;
                 self.duration_s = self.duration_s.max(prepared.duration_s);
+                if self.has_partners() {
+                    let wanted = self.model_revs.get(robot).copied();
+                    let known = cx.robots.get(robot).and_then(|record| record.model_rev);
+                    match plan::readiness(robot, &prepared, wanted, known) {
+                        Ok(readiness) => self.take_readiness(robot, readiness),
+                        Err(denial) => return self.fail(denial, cx),
+                    }
+                }
                 if self.all(Step::Prepared) {
-                    self.commit(cx);
+                    self.check(cx);
                 }
             }
             (Step::Committing, AgentAnswer::Committed(_)) => {
@@ -68,29 +84,122 @@ impl Group {
         }
     }
 
+    fn take_readiness(
+        &mut self,
+        robot: &RobotName,
+        readiness: armada_protocol::messages::GroupReadiness,
+    ) {
+        if let Some(part) = self.parts.get_mut(robot) {
+            part.readiness = Some(readiness);
+        }
+    }
+
     fn all(&self, step: Step) -> bool {
         self.parts.values().all(|part| part.step == step)
     }
 
     fn prepare(&mut self, robot: &RobotName, cx: &mut Context<'_>) {
+        let group = self.has_partners().then(|| GroupParams {
+            partners: self.parts.keys().filter(|partner| *partner != robot).cloned().collect(),
+            coupling: self.coupling,
+            loss_ms: LOSS_MS,
+            max_divergence_ms: self.max_divergence_ms(),
+            model_rev: self.model_revs.get(robot).copied(),
+        });
         let Some(part) = self.parts.get_mut(robot) else { return };
-        let Some(trajectory) = part.trajectory.take() else { return };
         part.step = Step::Preparing;
         let params = PrepareParams {
             motion_id: Some(self.id),
-            trajectory,
-            group: None,
-            on_lease_loss: LeaseLoss::StopOnPath,
+            trajectory: part.trajectory.clone(),
+            group,
+            on_lease_loss: self.on_lease_loss,
         };
         self.ask(robot, AgentCall::Prepare(Box::new(params)), PREPARE_TIMEOUT, cx);
     }
 
-    /// Gives every agent the common start, each in its own clock.
+    const fn max_divergence_ms(&self) -> f64 {
+        match self.coupling {
+            Coupling::Rigid => RIGID_DIVERGENCE_MS,
+            Coupling::Independent | Coupling::TimeSynced => MAX_DIVERGENCE_MS,
+        }
+    }
+
+    /// Has the clearances of the parts checked, if there are any.
+    fn check(&mut self, cx: &mut Context<'_>) {
+        if !self.has_partners() || !cx.clearance.check {
+            return self.commit(cx);
+        }
+        // Refused before the work, not only after it.
+        if let Some(denial) = self.clock_refusal(None, cx) {
+            return self.fail(denial, cx);
+        }
+        let request = ClearanceRequest {
+            parts: self
+                .parts
+                .iter()
+                .map(|(r, part)| (r.clone(), part.trajectory.clone()))
+                .collect(),
+            reduced: plan::reduced(cx.robots),
+            offset_s: self.envelope_s(cx),
+            required_m: cx.clearance.required_m,
+        };
+        let Phase::Preparing { deadline } = self.phase else { return };
+        match cx.outbox.check(request, CheckFor::Group(self.id)) {
+            Ok(()) => self.phase = Phase::Checking { deadline },
+            Err(denial) => self.fail(denial, cx),
+        }
+    }
+
+    /// How far the phases of two robots can get apart \[s\]: by what is allowed, and if one stops at
+    /// once, by the time until another notices and by its way to rest.
+    fn envelope_s(&self, cx: &Context<'_>) -> f64 {
+        let records = self.parts.keys().filter_map(|robot| cx.robots.get(robot));
+        let period = records.map(|record| record.period).max().unwrap_or_default();
+        let stop_s = self.highest(|part| Some(part.readiness?.stop_time_s)).unwrap_or_default();
+        let loss = Duration::from_millis(LOSS_MS);
+        1e-3 * self.max_divergence_ms() + (loss + period).as_secs_f64() + stop_s
+    }
+
+    /// Takes the result of the check.
+    pub(in crate::coordinator) fn on_clearance(
+        &mut self,
+        result: Result<ClearanceReport, Denial>,
+        cx: &mut Context<'_>,
+    ) {
+        if !matches!(self.phase, Phase::Checking { .. }) {
+            return;
+        }
+        match result {
+            Ok(ClearanceReport { refusal: Some(denial), .. }) | Err(denial) => {
+                self.fail(denial, cx);
+            }
+            Ok(ClearanceReport { answer, refusal: None, .. }) => {
+                if !answer.without_shape.is_empty() {
+                    let unknown = answer.without_shape.join(", ");
+                    let message =
+                        format!("nothing is known of the clearance of {unknown}: no shapes");
+                    self.record(EventKind::Group, Severity::Warning, message, cx);
+                }
+                self.commit(cx);
+            }
+        }
+        self.go_on(cx);
+    }
+
+    /// Gives every agent the common start, each in its own clock, and earlier by what its controller
+    /// is late.
     fn commit(&mut self, cx: &mut Context<'_>) {
+        if let Some(denial) = self.clock_refusal(None, cx) {
+            return self.fail(denial, cx);
+        }
         let records = || self.parts.keys().filter_map(|robot| cx.robots.get(robot));
         let slowest = records().map(|r| r.clock.slowest_round_trip(cx.now)).max();
         let lead = cx.timers.start_lead.max((slowest.unwrap_or_default() * 5).min(MAX_LEAD));
-        let start = cx.now + lead;
+        let latest_lag = self.parts.values().map(|part| part.lag()).max().unwrap_or_default();
+        let first = cx.now + lead;
+        let start = first + latest_lag;
+        let slopes = self.parts.values().filter_map(|part| Some(part.readiness?.rate_slope_s));
+        let rate_slope_s = slopes.reduce(f64::min);
         let mut commits = Vec::new();
         for (robot, part) in &self.parts {
             let record = cx.robots.get(robot).filter(|record| record.run() == part.boot_id);
@@ -99,13 +208,12 @@ impl Group {
                 let why = "the offset of its clock has not been measured yet, try again";
                 return self.fail(plan::of(robot, DenialCode::NotReady, why), cx);
             };
-            let start_ns = start.shifted(offset.offset_ns);
-            commits.push((
-                robot.clone(),
-                CommitParams { motion_id: self.id, boot_id, start_ns, rate_slope_s: None },
-            ));
+            let start_ns = (start - part.lag()).shifted(offset.offset_ns);
+            let motion_id = self.id;
+            commits
+                .push((robot.clone(), CommitParams { motion_id, boot_id, start_ns, rate_slope_s }));
         }
-        self.phase = Phase::Committing { start };
+        self.phase = Phase::Committing { start: first };
         for (robot, params) in commits {
             if let Some(part) = self.parts.get_mut(&robot) {
                 part.step = Step::Committing;

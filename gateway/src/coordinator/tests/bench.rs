@@ -6,16 +6,18 @@ use std::time::Duration;
 use armada_model::{JointTrajectory, MonoTime, Waypoint};
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    CellMotionStatus, CellStatus, Denial, DenialCode, Event, StopLevel, StopRequest, StopScope,
+    CellExecuteTrajectory, CellMotionStatus, CellStatus, ClearanceAnswer, Denial, DenialCode,
+    Event, StopLevel, StopRequest, StopScope,
 };
 use uuid::Uuid;
 
 use super::agent::FakeAgent;
-use crate::config::MotionTimers;
+use crate::config::{ClearanceConfig, MotionTimers};
 use crate::coordinator::{
     Action, AgentAnswer, AgentCall, AskId, CellAnswer, CellRequest, Coordinator, CoordinatorConfig,
     Input, Ticket,
 };
+use crate::world::ClearanceReport;
 
 /// What becomes of one message.
 #[derive(Clone, Copy, Debug)]
@@ -29,8 +31,19 @@ pub(super) enum Fate {
 }
 
 enum Delivery {
-    ToAgent { ask: AskId, robot: RobotName, call: AgentCall, sent: MonoTime },
+    ToAgent(Asked),
     ToGateway(Input),
+}
+
+/// A question on its way.
+#[derive(Clone)]
+struct Asked {
+    ask: AskId,
+    robot: RobotName,
+    client: String,
+    lease: Option<Uuid>,
+    call: AgentCall,
+    sent: MonoTime,
 }
 
 pub(super) struct Bench {
@@ -45,6 +58,8 @@ pub(super) struct Bench {
     next_fate: usize,
     /// Whether answers about clocks vanish.
     pub(super) drop_clock_answers: bool,
+    /// What every check of clearances finds, and how long it takes; it never ends if `None`.
+    pub(super) clearance: Option<(Result<ClearanceReport, Denial>, Duration)>,
     /// Everything the coordinator did.
     pub(super) actions: Vec<(MonoTime, Action)>,
     /// Everything it took, with the number of actions before it.
@@ -73,6 +88,19 @@ pub(super) fn trajectory(robots: &[&str]) -> JointTrajectory {
     };
     let waypoints = vec![row(0.0), row(2.0)];
     JointTrajectory { waypoints, joint_names, ..JointTrajectory::default() }
+}
+
+/// Nothing is near.
+pub(super) fn clear() -> ClearanceReport {
+    let answer = ClearanceAnswer {
+        clear: true,
+        required_m: 0.01,
+        distance_m: Some(0.4),
+        links: None,
+        at_s: None,
+        without_shape: Vec::new(),
+    };
+    ClearanceReport { answer, refusal: None, states: 10 }
 }
 
 pub(super) fn stop_request(id: u128, scope: StopScope) -> StopRequest {
@@ -105,6 +133,7 @@ impl Bench {
             boot_id: Uuid::from_u128(7),
             robots: ["torso", "left", "right"].map(name).to_vec(),
             timers: MotionTimers::default(),
+            clearance: ClearanceConfig::default(),
         };
         Self {
             now,
@@ -115,6 +144,7 @@ impl Bench {
             fates: vec![Fate::Arrives(1)],
             next_fate: 0,
             drop_clock_answers: false,
+            clearance: Some((Ok(clear()), ms(5))),
             actions: Vec::new(),
             inputs: Vec::new(),
             next_ticket: 0,
@@ -141,9 +171,13 @@ impl Bench {
     }
 
     pub(super) fn request(&mut self, request: CellRequest) -> Ticket {
+        self.request_of("tester", request)
+    }
+
+    pub(super) fn request_of(&mut self, client: &str, request: CellRequest) -> Ticket {
         let ticket = Ticket(self.next_ticket);
         self.next_ticket += 1;
-        self.feed(Input::Request { ticket, client: "tester".to_owned(), request });
+        self.feed(Input::Request { ticket, client: client.to_owned(), request });
         ticket
     }
 
@@ -152,8 +186,12 @@ impl Bench {
     }
 
     pub(super) fn execute_trajectory(&mut self, id: u128, trajectory: JointTrajectory) -> Ticket {
-        let motion_id = Uuid::from_u128(id);
-        self.request(CellRequest::ExecuteTrajectory { motion_id, trajectory })
+        self.execute_with(id, CellExecuteTrajectory::new(None, trajectory))
+    }
+
+    pub(super) fn execute_with(&mut self, id: u128, params: CellExecuteTrajectory) -> Ticket {
+        let (motion_id, params) = (Uuid::from_u128(id), Box::new(params));
+        self.request(CellRequest::ExecuteTrajectory { motion_id, params })
     }
 
     pub(super) fn feed(&mut self, input: Input) {
@@ -163,15 +201,19 @@ impl Bench {
         for action in actions {
             self.actions.push((self.now, action.clone()));
             match action {
-                Action::Ask { ask, robot, call, timeout, .. } => {
+                Action::Ask { ask, robot, client, lease, call, timeout } => {
                     let denial = Denial::new(DenialCode::Timeout, "no answer");
                     let timed_out = Input::Answer { ask, result: Err(denial) };
                     self.push(self.now + timeout, Delivery::ToGateway(timed_out));
-                    let sent = self.now;
+                    let asked = Asked { ask, robot, client, lease, call, sent: self.now };
                     for delay in self.delays() {
-                        let (robot, call) = (robot.clone(), call.clone());
-                        let asked = Delivery::ToAgent { ask, robot, call, sent };
-                        self.push(self.now + ms(delay), asked);
+                        self.push(self.now + ms(delay), Delivery::ToAgent(asked.clone()));
+                    }
+                }
+                Action::CheckClearance { check, .. } => {
+                    if let Some((result, time)) = self.clearance.clone() {
+                        let input = Input::Clearance { check, result };
+                        self.push(self.now + time, Delivery::ToGateway(input));
                     }
                 }
                 Action::PublishStop(request) => {
@@ -218,6 +260,7 @@ impl Bench {
             if at == tick {
                 tick = tick + ms(5);
                 self.agents.values_mut().for_each(|agent| agent.advance(at));
+                self.watch_partners();
             }
             self.publish();
             match self.queue.first_entry().filter(|entry| entry.key().0 <= at) {
@@ -227,6 +270,19 @@ impl Bench {
                 }
                 None => self.feed(Input::Timer),
             }
+        }
+    }
+
+    /// Lets every agent see how its partners keep up, as their heartbeats would tell.
+    fn watch_partners(&mut self) {
+        let names: Vec<_> = self.agents.keys().cloned().collect();
+        for name in names {
+            let Some(mut agent) = self.agents.remove(&name) else { continue };
+            let others = &self.agents;
+            let keeps_up =
+                |robot: &RobotName, id| others.get(robot).is_some_and(|other| other.keeps_up(id));
+            agent.watch(keeps_up, self.now);
+            self.agents.insert(name, agent);
         }
     }
 
@@ -258,10 +314,17 @@ impl Bench {
                 self.feed(Input::Answer { ask, result: Ok(answer) });
             }
             Delivery::ToGateway(input) => self.feed(input),
-            Delivery::ToAgent { ask, robot, call, sent } => {
+            Delivery::ToAgent(Asked { ask, robot, client, lease, call, sent }) => {
                 let now = self.now;
                 let Some(agent) = self.agents.get_mut(&robot) else { return };
-                let mut result = agent.answer(&call, now);
+                let mut result = match agent.answered.get(&ask) {
+                    Some(answer) => answer.clone(),
+                    None => agent.answer(&client, lease, &call, now),
+                };
+                // Clocks and stops are no requests with an identity.
+                if !matches!(call, AgentCall::Clock | AgentCall::Stop(_)) {
+                    agent.answered.insert(ask, result.clone());
+                }
                 if let Ok(AgentAnswer::Clock { sent: at, .. }) = &mut result {
                     *at = sent;
                 }

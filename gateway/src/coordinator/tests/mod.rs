@@ -2,8 +2,12 @@
 
 mod agent;
 mod bench;
+mod controls;
 mod denials;
+mod events;
 mod groups;
+mod leases;
+mod partners;
 mod presence;
 mod random;
 mod stops;

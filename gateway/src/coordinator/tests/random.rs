@@ -2,18 +2,23 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use armada_protocol::messages::{ActionStatus, CellResetParams, Denial, DenialCode, StopScope};
+use armada_protocol::messages::{
+    ActionStatus, CellAcquireLeaseParams, CellResetParams, Denial, DenialCode, StopScope,
+};
 use proptest::prelude::*;
 use uuid::Uuid;
 
 use super::bench::{Bench, Fate, ms, name, stop_request};
-use crate::coordinator::{Action, AgentAnswer, AgentCall, CellRequest, Input, Ticket};
+use crate::coordinator::{Action, AgentAnswer, AgentCall, CellRequest, Control, Input, Ticket};
 
 const ROBOTS: [&str; 3] = ["left", "right", "torso"];
 
 #[derive(Clone, Debug)]
 enum Op {
     Execute(Vec<&'static str>),
+    ControlLast(Control),
+    Acquire(Vec<&'static str>),
+    LoseSight(&'static str),
     CancelLast,
     Stop,
     HearStop(&'static str),
@@ -33,6 +38,11 @@ fn op() -> impl Strategy<Value = Op> {
     prop_oneof![
         8 => prop::sample::subsequence(&ROBOTS[..], 1..=3).prop_map(Op::Execute),
         2 => Just(Op::CancelLast),
+        1 => Just(Op::ControlLast(Control::Pause)),
+        2 => Just(Op::ControlLast(Control::Resume)),
+        1 => Just(Op::ControlLast(Control::SpeedRatio(0.5))),
+        1 => prop::sample::subsequence(&ROBOTS[..], 0..=2).prop_map(Op::Acquire),
+        1 => robot().prop_map(Op::LoseSight),
         1 => Just(Op::Stop),
         1 => robot().prop_map(Op::HearStop),
         3 => Just(Op::Reset),
@@ -67,6 +77,23 @@ fn play(script: Vec<(Op, u64)>, fates: Vec<Fate>) -> (Bench, Vec<Ticket>) {
             Op::CancelLast => {
                 let motion_id = Uuid::from_u128(next - 1);
                 tickets.push(bench.request(CellRequest::Cancel { motion_id }));
+            }
+            Op::ControlLast(control) => {
+                let motion_id = Uuid::from_u128(next - 1);
+                let request = CellRequest::Control { motion_id, lease: None, control };
+                tickets.push(bench.request(request));
+            }
+            Op::Acquire(robots) => {
+                let robots = robots.into_iter().map(name).collect();
+                let params =
+                    CellAcquireLeaseParams { robots, ttl_ms: 700, role: Default::default() };
+                tickets.push(bench.request(CellRequest::AcquireLease(params)));
+            }
+            Op::LoseSight(robot) => {
+                bench.feed(Input::Presence { robot: name(robot), online: false });
+                bench.run(ms(200));
+                let online = bench.agents.contains_key(&name(robot));
+                bench.feed(Input::Presence { robot: name(robot), online });
             }
             Op::Stop => {
                 let stop = stop_request(next, StopScope::Cell);
@@ -103,6 +130,11 @@ fn play(script: Vec<(Op, u64)>, fates: Vec<Fate>) -> (Bench, Vec<Ticket>) {
             }
         }
         bench.run(ms(pause));
+    }
+    // What is paused would never end.
+    for id in 1_001..=next {
+        let motion_id = Uuid::from_u128(id);
+        tickets.push(bench.request(CellRequest::Cancel { motion_id }));
     }
     bench.run(ms(15_000));
     (bench, tickets)

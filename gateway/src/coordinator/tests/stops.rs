@@ -1,9 +1,11 @@
 //! Stops and resets of the cell.
 
 use armada_protocol::messages::{
-    ActionStatus, CellResetParams, CellVerdict, DenialCode, EventKind, ResetParams, Severity,
-    StopReport, StopScope, StopStage, StopVerdict,
+    ActionStatus, CellResetParams, CellVerdict, DenialCode, EventKind, ResetNeeds, ResetParams,
+    Severity, StopLevel, StopReport, StopRequest, StopScope, StopStage, StopVerdict,
 };
+
+use uuid::Uuid;
 
 use super::bench::{Bench, Fate, ms, name, stop_request};
 use crate::coordinator::{Action, AgentCall, CellAnswer, CellRequest, Ticket};
@@ -188,40 +190,86 @@ fn a_stop_works_when_half_of_the_messages_are_lost() {
     }
 }
 
-#[test]
-fn a_robot_that_is_not_known_to_stand_is_asked_once_more_one_level_harder() {
-    let mut bench = Bench::new();
-    bench.agents.remove(&name("right"));
-    let asked = stop_request(9, StopScope::Cell);
-    let ticket = stop(&mut bench, 9, StopScope::Cell);
-    bench.run(ms(4_100));
-    assert_eq!(report(&bench, ticket).verdict, StopVerdict::Incomplete);
-    let last = bench.actions.iter().rev().find_map(|(_, action)| match action {
-        Action::PublishStop(request) => Some(request),
+fn stops_of(bench: &Bench, robot: &str) -> Vec<StopRequest> {
+    let asked = bench.asked(robot).filter_map(|(_, call)| match call {
+        AgentCall::Stop(request) => Some(request.clone()),
         _ => None,
     });
-    let last = last.expect("published");
-    assert_eq!(Some(last.level), asked.level.harder());
-    assert_eq!(last.stop_id, asked.stop_id, "the same stop");
-    assert_eq!(last.scope, StopScope::Robots(vec![name("right")]), "the others stand");
+    asked.collect()
 }
 
 #[test]
-fn a_signed_reset_is_passed_on_as_it_is() {
+fn a_robot_that_does_not_come_to_rest_in_time_is_stopped_harder_and_others_are_not() {
+    let mut bench = Bench::new();
+    bench.agent("right").deaf_below = Some(StopLevel::L1);
+    bench.agent("torso").deaf_below = Some(StopLevel::L0);
+    let ticket = stop(&mut bench, 9, StopScope::Cell);
+    bench.run(ms(1_490));
+    assert_eq!(stops_of(&bench, "right").len(), 1);
+    bench.run(ms(2_400));
+    let report = report(&bench, ticket);
+    assert_eq!(report.verdict, StopVerdict::Complete, "{report:?}");
+    let levels = |robot| {
+        let stops = stops_of(&bench, robot);
+        assert!(stops.iter().all(|stop| stop.stop_id == Uuid::from_u128(9)), "one stop");
+        stops.iter().map(|stop| stop.level).collect::<Vec<_>>()
+    };
+    assert_eq!(levels("left"), [StopLevel::L2]);
+    assert_eq!(levels("right"), [StopLevel::L2, StopLevel::L1]);
+    assert_eq!(levels("torso"), [StopLevel::L2, StopLevel::L1, StopLevel::L0]);
+    let raised = bench.actions.iter().filter_map(|(_, action)| match action {
+        Action::PublishStop(request) if request.level > StopLevel::L2 => Some(request),
+        _ => None,
+    });
+    for request in raised {
+        assert!(!request.scope.includes(&name("left")), "{request:?}");
+    }
+    let event = bench.events().find(|event| event.message.contains("raised: right, torso"));
+    assert_eq!(event.expect("told").severity, Severity::Error);
+}
+
+#[test]
+fn a_level_never_falls_and_l0_is_not_raised() {
+    let mut bench = Bench::new();
+    bench.agents.remove(&name("right"));
+    let request = StopRequest { level: StopLevel::L0, ..stop_request(9, StopScope::Cell) };
+    bench.request(CellRequest::Stop(request));
+    bench.run(ms(4_100));
+    let published = bench.actions.iter().filter_map(|(_, action)| match action {
+        Action::PublishStop(request) => Some(request.level),
+        _ => None,
+    });
+    assert!(published.into_iter().all(|level| level == StopLevel::L0));
+}
+
+#[test]
+fn a_reset_passes_on_numbers_and_signatures_and_names_who_lacks_one() {
     let mut bench = Bench::new();
     stop(&mut bench, 9, StopScope::Cell);
     bench.run(ms(1_000));
-    let stop_ids = vec![stop_request(9, StopScope::Cell).stop_id];
-    let signature = Some("00ff".to_owned());
-    let params = ResetParams { stop_ids, nonce: uuid::Uuid::from_u128(4), signature };
-    let signed = [(name("left"), params.clone())].into();
-    let robots = vec![name("right")];
-    let ticket = bench.request(CellRequest::Reset(CellResetParams { robots, signed }));
+    let nonce = Uuid::from_u128(77);
+    for robot in ["left", "right", "torso"] {
+        let latch = bench.agent(robot).status.stop.as_mut().expect("latched");
+        latch.reset = ResetNeeds { nonce, signed: robot != "torso", ..ResetNeeds::default() };
+    }
+    let own =
+        ResetParams { stop_ids: vec![Uuid::from_u128(9)], nonce, signature: Some("ab".repeat(32)) };
+    let signed = [(name("left"), own.clone())].into();
+    let params = CellResetParams { robots: Vec::new(), signed };
+    let ticket = bench.request(CellRequest::Reset(params));
     bench.run(ms(100));
     let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
     let reset: Vec<_> = answer.reset.iter().map(|(robot, _)| robot.as_str()).collect();
-    assert_eq!(reset, ["left", "right"]);
-    let calls: Vec<_> = bench.asked("left").map(|(_, call)| call.clone()).collect();
-    assert!(calls.contains(&AgentCall::Reset(Box::new(params))), "{calls:?}");
-    assert!(bench.agent("torso").status.stop.is_some(), "nobody asked for it");
+    assert_eq!(reset, ["left", "torso"]);
+    let [(robot, denial)] = &answer.refused[..] else { panic!("one: {answer:?}") };
+    assert_eq!((robot.as_str(), denial.code), ("right", DenialCode::NotReady));
+    assert!(denial.message.starts_with("right: its reset has to be signed"), "{denial}");
+    assert!(bench.asked("left").any(|(_, call)| *call == AgentCall::Reset(Box::new(own.clone()))));
+    // A signature for a robot that is not to be reset is not passed over.
+    let signed = [(name("left"), own)].into();
+    let params = CellResetParams { robots: vec![name("torso")], signed };
+    let ticket = bench.request(CellRequest::Reset(params));
+    bench.run(ms(100));
+    let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
+    assert_eq!(answer.refused[0].1.code, DenialCode::InvalidArgument);
 }

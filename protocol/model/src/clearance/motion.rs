@@ -115,6 +115,33 @@ impl CollisionScene {
         Sweep::new(self, check, sample, workspace).run()
     }
 
+    /// Highest rate at which the distance of any pair can change while no driven joint of the scene
+    /// is faster than its entry in `speeds` \[rad/s or m/s\]: the bound of
+    /// [`check_motion`](Self::check_motion) \[m/s\], in every configuration.
+    ///
+    /// # Errors
+    /// [`ClearanceError::SpeedCount`] if the speeds do not fit the scene,
+    /// [`ClearanceError::UnboundedReach`] if a slide without limits leaves a speed without a bound.
+    pub fn max_rate(&self, speeds: &[f64]) -> Result<f64, ClearanceError> {
+        let (expected, given) = (self.variable_count(), speeds.len());
+        if expected != given {
+            return Err(ClearanceError::SpeedCount { expected, given });
+        }
+        (0..self.pair_count())
+            .try_fold(0.0_f64, |most, pair| Ok(most.max(self.rate_of(pair, speeds)?)))
+    }
+
+    /// How fast the distance of a pair can change.
+    fn rate_of(&self, pair: usize, speeds: &[f64]) -> Result<f64, ClearanceError> {
+        self.levers_of(pair).iter().try_fold(0.0, |rate, lever| {
+            let speed = speeds.get(lever.variable).copied().unwrap_or_default();
+            if speed > 0.0 && !lever.reach.is_finite() {
+                return Err(ClearanceError::UnboundedReach { variable: lever.variable });
+            }
+            Ok(rate + if speed > 0.0 { speed * lever.reach } else { 0.0 })
+        })
+    }
+
     /// How fast the distance of each pair can change.
     fn bound_rates(
         &self,
@@ -126,14 +153,7 @@ impl CollisionScene {
             return Ok(());
         };
         for (pair, rate) in workspace.rates.iter_mut().enumerate() {
-            *rate = 0.0;
-            for lever in self.levers_of(pair) {
-                let speed = speeds.get(lever.variable).copied().unwrap_or_default();
-                if speed > 0.0 && !lever.reach.is_finite() {
-                    return Err(ClearanceError::UnboundedReach { variable: lever.variable });
-                }
-                *rate += if speed > 0.0 { speed * lever.reach } else { 0.0 };
-            }
+            *rate = self.rate_of(pair, speeds)?;
         }
         Ok(())
     }
@@ -236,6 +256,8 @@ mod tests {
                 assert!(change <= rate * step + 1e-12, "pair {pair}: {change} in {step} s, {rate}");
                 highest = highest.max(change / (rate * step));
             }
+            let most = workspace.rates.iter().copied().fold(0.0, f64::max);
+            assert_eq!(scene.max_rate(&bounds), Ok(most));
         }
         // Not so far above the truth that it would be of no use.
         assert!(highest > 0.5, "{highest}");

@@ -7,10 +7,11 @@ from uuid import UUID
 
 from armada import aio
 from armada._waiting import run
+from armada.messages import LeaseGrant, LeaseScope
 
 
 class HeldLease:
-    """The right to command a robot: acquired and renewed until it is given back.
+    """The right to command a robot: renewed until it is given back.
 
     While it is held, what is asked of the robot through this connection is asked under it. When it
     is lost, `on_lost` is called once, from wherever it is renewed, and what is asked then raises
@@ -37,9 +38,23 @@ class HeldLease:
         """Raises `LeaseLost` if it is not held any more."""
         self._inner.check()
 
+    def raise_if_lost(self) -> None:
+        """Raises `LeaseLost` if it was lost; one that was given back is not lost."""
+        self._inner.raise_if_lost()
+
     def next_seq(self) -> int:
         """The number of the next sample of a stream under this lease."""
         return self._inner.next_seq()
+
+    def delegate(
+        self, to: str, *, scope: LeaseScope = LeaseScope.ARM, ttl_s: float = 1.0
+    ) -> LeaseGrant:
+        """Lets the client of this name command as well, as long as this lease is in force.
+
+        Give it the lease in the answer: it keeps it with `robot.use_lease`, which lasts `ttl_s`
+        without being renewed. `scope` is what it gets the right to.
+        """
+        return run(self._inner.delegate(to, scope=scope, ttl_s=ttl_s))
 
     def release(self) -> None:
         """Gives it back; a motion in progress ends with a ramp. Releasing twice does nothing."""

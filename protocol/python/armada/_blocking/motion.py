@@ -34,12 +34,19 @@ class Motion(Generic[S]):
         run(self._inner.cancel())
 
     def pause(self) -> None:
-        """Brings it to rest on its path until it is resumed; not for motions of several robots."""
+        """Brings it to rest on its path until it is resumed; several robots at one phase of it."""
         run(self._inner.pause())
 
     def resume(self) -> None:
-        """Goes on with it; not for motions of several robots."""
+        """Goes on with it."""
         run(self._inner.resume())
+
+    def set_speed(self, ratio: float) -> float:
+        """Changes its speed on its path, 0.01 to 1 of what it was planned for; returns the ratio.
+
+        For one robot that is the speed of all its motions, until it is changed again.
+        """
+        return run(self._inner.set_speed(ratio))
 
     def wait(self, timeout_s: float | None = None) -> S:
         """Waits for its end and returns the terminal status, good or bad.

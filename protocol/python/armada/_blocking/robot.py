@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from pathlib import Path
 from uuid import UUID
 
 from armada._connection import STOP_TIMEOUT_S
@@ -34,12 +35,19 @@ class Robot(RobotMoves, RobotStreams, RobotEquipment):
         """Clears latched faults whose cause is gone, here and at the controller."""
         return run(self._inner.reset_errors())
 
-    def reset(self, stop_ids: Collection[UUID] | None = None) -> ResetAnswer:
+    def reset(
+        self,
+        stop_ids: Collection[UUID] | None = None,
+        *,
+        key_file: str | Path | None = None,
+    ) -> ResetAnswer:
         """Clears the latched stop; never moves, never enables.
 
-        `stop_ids` must list every latched stop; if left out, those of the status are taken.
+        `stop_ids` must list every latched stop; if left out, those of the status are taken. A robot
+        that asks for a signature gets one made with the key in `key_file`. Raises `DeniedError` if
+        a stop has come meanwhile, or if something else still keeps the robot stopped.
         """
-        return run(self._inner.reset(stop_ids))
+        return run(self._inner.reset(stop_ids, key_file=key_file))
 
     def stop(
         self,

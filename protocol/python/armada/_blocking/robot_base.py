@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import TypeVar
+from uuid import UUID
 
 from armada import aio, methods
 from armada._bus import VALUE_TIMEOUT_S
@@ -19,6 +20,8 @@ from armada.messages import (
     RobotInfo,
     RobotState,
     RobotStatus,
+    Role,
+    Why,
 )
 
 from .lease import HeldLease
@@ -37,6 +40,12 @@ class RobotBase:
         self.name = inner.name
         """Its name in the cell."""
 
+    @property
+    def held(self) -> HeldLease | None:
+        """The lease of the robot that this connection holds or has lost; None if there is none."""
+        held = self._inner.held
+        return None if held is None else HeldLease(held)
+
     def call(self, method: methods.Method[P, A], params: P) -> A:
         """Asks the robot's agent for any method of `armada.methods`, under the lease that is held.
 
@@ -51,6 +60,10 @@ class RobotBase:
     def status(self) -> RobotStatus:
         """How the robot is: mode, stops, faults, and what may be done next."""
         return run(self._inner.status())
+
+    def why(self) -> tuple[Why, ...]:
+        """Why the robot does not move, or for whom it does: the most important reason first."""
+        return run(self._inner.why())
 
     def clock(self) -> ClockSample:
         """A sample of the clock of the robot's agent."""
@@ -103,12 +116,42 @@ class RobotBase:
         return run(self._inner.halt())
 
     def lease(
-        self, ttl_s: float = 1.0, *, on_lost: Callable[[LeaseLost], None] | None = None
+        self,
+        ttl_s: float = 1.0,
+        *,
+        role: Role = Role.PROGRAM,
+        on_lost: Callable[[LeaseLost], None] | None = None,
     ) -> HeldLease:
         """Acquires the right to command the robot and keeps it, to be used in a `with`.
 
         `ttl_s` is how long it lasts, 0.2 to 60 s, when this program does not renew it any more.
-        What is asked of this robot meanwhile is asked under it. Raises `DeniedError` naming the
-        holder if somebody else has it, `ValueError` if it is held already.
+        What is asked of this robot meanwhile is asked under it. Nobody of a lower `role` can take
+        it away. Raises `DeniedError` naming the holder if somebody else has it, `ValueError` if it
+        is held already.
         """
-        return HeldLease(run(opened(self._inner.lease(ttl_s, on_lost=on_lost))))
+        return HeldLease(run(opened(self._inner.lease(ttl_s, role=role, on_lost=on_lost))))
+
+    def take_lease(
+        self,
+        role: Role,
+        reason: str,
+        ttl_s: float = 1.0,
+        *,
+        on_lost: Callable[[LeaseLost], None] | None = None,
+    ) -> HeldLease:
+        """Takes the right to command the robot from whoever has it: for a person, with a reason.
+
+        `role` is `operator` or `supervisor` and not below the holder's; the holder is told the
+        reason, and its motion ends. What is taken is kept as by `lease`.
+        """
+        opening = self._inner.take_lease(role, reason, ttl_s, on_lost=on_lost)
+        return HeldLease(run(opened(opening)))
+
+    def use_lease(
+        self, lease: UUID, *, on_lost: Callable[[LeaseLost], None] | None = None
+    ) -> HeldLease:
+        """Commands under a lease that its holder delegated to this client, and keeps it.
+
+        It is renewed and given back as one that was acquired, and lost with the holder's.
+        """
+        return HeldLease(run(opened(self._inner.use_lease(lease, on_lost=on_lost))))

@@ -16,10 +16,12 @@ from types import TracebackType
 
 from armada._connection import DEFAULT_NAME, Connection, ConnectOptions
 from armada._waiting import LoopWaiting
+from armada.stop_source import StopSource
 
 from .cell import Cell
 from .jog import Jogging
 from .lease import HeldLease
+from .leases import HeldLeases
 from .motion import Motion
 from .opening import Opening
 from .robot import Robot
@@ -31,11 +33,13 @@ __all__ = [
     "CommandStream",
     "Connecting",
     "HeldLease",
+    "HeldLeases",
     "Jogging",
     "Motion",
     "Opening",
     "PositionStream",
     "Robot",
+    "StopSource",
     "Stream",
     "Subscription",
     "TwistStream",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
 from uuid import UUID
@@ -12,7 +13,8 @@ from numpy.typing import ArrayLike
 from armada import keys, methods
 from armada._connection import STOP_TIMEOUT_S, Connection
 from armada._ids import new_id
-from armada.errors import NoReply
+from armada._signature import SigningKey, reset_params
+from armada.errors import LeaseLost, NoReply
 from armada.messages import (
     Accepted,
     CancelParams,
@@ -22,16 +24,27 @@ from armada.messages import (
     CellMotionStatus,
     CellResetAnswer,
     CellResetParams,
+    CellSpeedRatioParams,
     CellStatus,
+    CheckClearanceParams,
+    ClearanceAnswer,
     CommandMode,
+    Coupling,
     Event,
     JointTrajectory,
+    LeaseLoss,
+    MotionParams,
+    ResetParams,
+    Role,
     StopLevel,
     StopReport,
 )
 from armada.moves import Part, cell_move, check_speed
+from armada.stop_source import StopSource
 
+from .leases import HeldLeases, acquire_all
 from .motion import Motion, cancelled_if_interrupted
+from .opening import Opening
 from .robot import Robot
 from .subscription import Subscription
 
@@ -109,22 +122,60 @@ class Cell:
         """Asks the gateway for any method of `armada.methods`."""
         return await self._bus.call(method, keys.CELL_RPC.with_(method.name), params)
 
+    def leases(
+        self,
+        robots: Collection[str] = (),
+        ttl_s: float = 1.0,
+        *,
+        role: Role = Role.PROGRAM,
+        on_lost: Callable[[LeaseLost], None] | None = None,
+    ) -> Opening[HeldLeases]:
+        """Acquires the right to command several robots, all or none, and keeps it.
+
+        To be used in a `with`; all robots of the cell if none is named. The agents are asked, so it
+        holds without the gateway. `ttl_s` is how long it lasts, 0.2 to 60 s, when this program does
+        not renew it any more. What is asked of these robots meanwhile, alone or together, is asked
+        under it. Raises `DeniedError` naming robot and holder if somebody else has one,
+        `ValueError` if one is held already.
+        """
+
+        async def acquire() -> HeldLeases:
+            named = [keys.check_robot_name(robot) for robot in robots] or await self.robots()
+            return await acquire_all(self._connection, named, ttl_s, role, on_lost)
+
+        return Opening(acquire)
+
     async def execute_trajectory(
         self,
         trajectory: JointTrajectory,
         *,
         motion_id: UUID | None = None,
         set_mode: bool = True,
+        coupling: Coupling = Coupling.TIME_SYNCED,
+        on_lease_loss: LeaseLoss = "stop_on_path",
+        model_revs: Mapping[str, int] | None = None,
     ) -> Motion[CellMotionStatus]:
         """Follows a trajectory with several robots that start at one instant.
 
         Joints are named `robot/joint`. Robots are put into mode `trajectory` first, unless
-        `set_mode` is off.
+        `set_mode` is off. `coupling` says how closely they are tied together, `on_lease_loss` what
+        the whole does if a lease is lost on the way; with `model_revs` it is refused if a robot's
+        tools and payloads are not those any more. Raises `LeaseLost` if the lease of a robot that
+        takes part was lost.
         """
+        robots = sorted({name.partition("/")[0] for name in trajectory.joint_names})
+        leases = self._leases_of(robots)
         if set_mode:
-            for robot in sorted({name.partition("/")[0] for name in trajectory.joint_names}):
+            for robot in robots:
                 await self.robot(robot).enter_mode(CommandMode.TRAJECTORY)
-        params = CellExecuteTrajectory(motion_id=motion_id or new_id(), trajectory=trajectory)
+        params = CellExecuteTrajectory(
+            motion_id=motion_id or new_id(),
+            trajectory=trajectory,
+            coupling=coupling,
+            leases=leases,
+            on_lease_loss=on_lease_loss,
+            model_revs=dict(model_revs or {}),
+        )
         accepted = await self.call(methods.CELL_EXECUTE_TRAJECTORY, params)
         return self._motion(accepted.motion_id, accepted)
 
@@ -135,6 +186,8 @@ class Cell:
         speed: float = 0.3,
         duration_s: float | None = None,
         wait: bool = True,
+        coupling: Coupling = Coupling.TIME_SYNCED,
+        on_lease_loss: LeaseLoss = "stop_on_path",
     ) -> Motion[CellMotionStatus]:
         """Moves several robots together from where they stand to a position of all their joints.
 
@@ -142,7 +195,7 @@ class Cell:
         `speed` is the share of every joint's limits of velocity and acceleration that the slowest
         joint uses, or `duration_s` says how long it takes. With `wait` it returns when the robots
         are there, raises `MotionFailed` if they do not come there, and cancels the motion if the
-        waiting is interrupted.
+        waiting is interrupted. `coupling` and `on_lease_loss` are those of `execute_trajectory`.
         """
         check_speed(speed)
         parts = []
@@ -155,7 +208,13 @@ class Cell:
         motion_id = new_id()
         motion = await cancelled_if_interrupted(
             self._bus,
-            self.execute_trajectory(trajectory, motion_id=motion_id, set_mode=False),
+            self.execute_trajectory(
+                trajectory,
+                motion_id=motion_id,
+                set_mode=False,
+                coupling=coupling,
+                on_lease_loss=on_lease_loss,
+            ),
             lambda: self.cancel(motion_id),
         )
         if wait:
@@ -166,6 +225,33 @@ class Cell:
         """Ends a motion of several robots, each with a ramp to standstill."""
         await self.call(methods.CELL_CANCEL, CancelParams(motion_id=motion_id))
 
+    async def pause(self, motion_id: UUID) -> None:
+        """Brings a motion of several robots to rest at one phase, until it is resumed."""
+        await self.call(methods.CELL_PAUSE, MotionParams(motion_id=motion_id))
+
+    async def resume(self, motion_id: UUID) -> None:
+        """Goes on with a paused motion of several robots."""
+        await self.call(methods.CELL_RESUME, MotionParams(motion_id=motion_id))
+
+    async def set_speed_ratio(self, motion_id: UUID, ratio: float) -> float:
+        """Changes the speed of a motion of several robots; returns the ratio in force.
+
+        It is the speed over that of the trajectory, 0.01 to 1.
+        """
+        params = CellSpeedRatioParams(motion_id=motion_id, ratio=ratio)
+        return (await self.call(methods.CELL_SET_SPEED_RATIO, params)).speed_ratio
+
+    async def check_clearance(
+        self, trajectory: JointTrajectory, *, offset_ms: float = 0.0
+    ) -> ClearanceAnswer:
+        """How near the robots come to each other on a trajectory; nothing moves.
+
+        Joints are named `robot/joint`. With `offset_ms` the phases of two robots may be so far
+        apart, and what lies between is checked as well.
+        """
+        params = CheckClearanceParams(trajectory=trajectory, offset_ms=offset_ms)
+        return await self.call(methods.CELL_CHECK_CLEARANCE, params)
+
     def motion(self, motion_id: UUID) -> Motion[CellMotionStatus]:
         """A motion of several robots by its identity."""
         return self._motion(motion_id, None)
@@ -173,8 +259,22 @@ class Cell:
     def _motion(self, motion_id: UUID, accepted: Accepted | None) -> Motion[CellMotionStatus]:
         key = keys.CELL_MOTION.with_(str(motion_id))
         return Motion(
-            self._bus, key, CellMotionStatus, motion_id, accepted, lambda: self.cancel(motion_id)
+            self._bus,
+            key,
+            CellMotionStatus,
+            motion_id,
+            accepted,
+            cancel=lambda: self.cancel(motion_id),
+            pause=lambda: self.pause(motion_id),
+            resume=lambda: self.resume(motion_id),
+            set_speed=lambda ratio: self.set_speed_ratio(motion_id, ratio),
         )
+
+    def _leases_of(self, robots: Collection[str]) -> dict[str, UUID]:
+        held = [lease for name in robots if (lease := self._connection.held.get(name)) is not None]
+        for lease in held:
+            lease.check()
+        return {lease.robot: lease.id for lease in held}
 
     async def stop(
         self,
@@ -190,6 +290,39 @@ class Cell:
         """
         return await self._connection.stop("cell", reason, level, timeout_s)
 
-    async def reset(self, robots: Collection[str] = ()) -> CellResetAnswer:
-        """Clears the latched stops of these robots, or of all; never moves, never enables."""
-        return await self.call(methods.CELL_RESET, CellResetParams(robots=tuple(robots)))
+    async def reset(
+        self, robots: Collection[str] = (), *, key_file: str | Path | None = None
+    ) -> CellResetAnswer:
+        """Clears the latched stops of these robots, or of all; never moves, never enables.
+
+        Robots that ask for a signature get one made with the key in `key_file`. What a robot
+        refused, and why, is in the answer.
+        """
+        key = SigningKey.read(key_file)
+        signed = {} if key is None else await self._signed_resets(robots, key)
+        return await self.call(
+            methods.CELL_RESET, CellResetParams(robots=tuple(robots), signed=signed)
+        )
+
+    async def _signed_resets(
+        self, robots: Collection[str], key: SigningKey
+    ) -> dict[str, ResetParams]:
+        stopped = robots or [
+            name for name, robot in (await self.status()).robots.items() if robot.stop is not None
+        ]
+        statuses = [await self.robot(name).status() for name in stopped]
+        return {
+            status.robot: reset_params(status, None, key)
+            for status in statuses
+            if status.stop is not None and status.stop.reset.signed
+        }
+
+    def stop_source(
+        self, name: str, read: Callable[[], bool], *, key_file: str | Path | None = None
+    ) -> StopSource:
+        """Becomes a source of stops: tells agents that ask for it whether it is pressed.
+
+        `read` looks at the real input, for each question anew; while nobody answers the robots
+        stop. See `StopSource`; to be used in a `with`.
+        """
+        return StopSource(self._bus, name, read, SigningKey.read(key_file))

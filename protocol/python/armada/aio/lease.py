@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from types import TracebackType
 from typing import TypeVar
@@ -11,18 +11,29 @@ from uuid import UUID
 
 from armada import keys, methods
 from armada._bus import Bus
+from armada._connection import Connection
 from armada._repeat import Repeater
 from armada.errors import ArmadaError, CodecError, DeniedError, LeaseLost
-from armada.messages import LeaseGrant, LeaseParams
+from armada.messages import (
+    DelegateLeaseParams,
+    LeaseGrant,
+    LeaseParams,
+    LeaseScope,
+    RenewLeaseParams,
+)
 
+P = TypeVar("P")
 A = TypeVar("A")
+
+OnLost = Callable[[LeaseLost], None]
+"""What is told of the loss of a lease."""
 
 _RENEWALS = 3
 """How often a lease is renewed while it lasts."""
 
 
 class HeldLease:
-    """The right to command a robot: acquired and renewed until it is given back.
+    """The right to command a robot: renewed until it is given back.
 
     While it is held, what is asked of the robot through this connection is asked under it. When it
     is lost, `on_lost` is called once, from wherever it is renewed, and what is asked then raises
@@ -35,7 +46,7 @@ class HeldLease:
         robot: str,
         grant: LeaseGrant,
         asked_at: float,
-        on_lost: Callable[[LeaseLost], None] | None,
+        on_lost: OnLost | None,
         forget: Callable[[HeldLease], None],
     ) -> None:
         self._bus = bus
@@ -62,15 +73,31 @@ class HeldLease:
 
     def check(self) -> None:
         """Raises `LeaseLost` if it is not held any more."""
-        if self._lost is not None:
-            raise self._lost
+        self.raise_if_lost()
         if self._released:
             raise LeaseLost(self.robot, "it was given back")
+
+    def raise_if_lost(self) -> None:
+        """Raises `LeaseLost` if it was lost; one that was given back is not lost."""
+        if self._lost is not None:
+            raise self._lost
 
     def next_seq(self) -> int:
         """The number of the next sample of a stream under this lease."""
         self._seq += 1
         return self._seq
+
+    async def delegate(
+        self, to: str, *, scope: LeaseScope = LeaseScope.ARM, ttl_s: float = 1.0
+    ) -> LeaseGrant:
+        """Lets the client of this name command as well, as long as this lease is in force.
+
+        Give it the lease in the answer: it keeps it with `robot.use_lease`, which lasts `ttl_s`
+        without being renewed. `scope` is what it gets the right to.
+        """
+        self.check()
+        params = DelegateLeaseParams(lease=self.id, to=to, scope=scope, ttl_ms=milliseconds(ttl_s))
+        return await self._call(methods.DELEGATE_LEASE, params)
 
     async def release(self) -> None:
         """Gives it back; a motion in progress ends with a ramp. Releasing twice does nothing."""
@@ -80,17 +107,17 @@ class HeldLease:
         self._released = True
         self._forget(self)
         if self._lost is None:
-            await self._call(methods.RELEASE_LEASE)
+            await self._call(methods.RELEASE_LEASE, LeaseParams(lease=self.id))
 
-    async def _call(self, method: methods.Method[LeaseParams, A]) -> A:
+    async def _call(self, method: methods.Method[P, A], params: P) -> A:
         key = keys.ROBOT_RPC.with_(self.robot, method.name)
-        return await self._bus.call(method, key, LeaseParams(lease=self.id), self.id)
+        return await self._bus.call(method, key, params, self.id)
 
     async def _renew(self) -> bool:
         asked_at = time.monotonic()
         limited = replace(methods.RENEW_LEASE, timeout_s=self.ttl_s / _RENEWALS)
         try:
-            await self._call(limited)
+            await self._call(limited, RenewLeaseParams(lease=self.id))
         except (DeniedError, CodecError) as error:
             return self._lose(str(error))
         except ArmadaError as error:
@@ -117,5 +144,43 @@ class HeldLease:
         trace: TracebackType | None,
     ) -> None:
         await self.release()
-        if error is None and self._lost is not None:
-            raise self._lost
+        if error is None:
+            self.raise_if_lost()
+
+
+async def hold(
+    connection: Connection,
+    robot: str,
+    ask: Callable[[], Awaitable[LeaseGrant]],
+    on_lost: OnLost | None,
+) -> HeldLease:
+    """Keeps what `ask` is granted; raises `ValueError` if a lease of the robot is held already."""
+    refuse_second(connection, robot)
+    asked_at = time.monotonic()
+    return keep(connection, robot, await ask(), asked_at, on_lost)
+
+
+def refuse_second(connection: Connection, robot: str) -> None:
+    """Raises `ValueError` if this connection holds a lease of the robot."""
+    held = connection.held.get(robot)
+    if held is not None and held.is_held:
+        raise ValueError(f"the lease of {robot} is held already")
+
+
+def keep(
+    connection: Connection, robot: str, grant: LeaseGrant, asked_at: float, on_lost: OnLost | None
+) -> HeldLease:
+    """Renews a lease from now on, and has what is asked of the robot asked under it."""
+
+    def forget(lease: HeldLease) -> None:
+        if connection.held.get(robot) is lease:
+            del connection.held[robot]
+
+    lease = HeldLease(connection.bus, robot, grant, asked_at, on_lost, forget)
+    connection.held[robot] = lease
+    return lease
+
+
+def milliseconds(seconds: float) -> int:
+    """The same on the wire."""
+    return round(seconds * 1000)

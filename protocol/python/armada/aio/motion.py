@@ -15,7 +15,6 @@ from armada.messages import (
     Accepted,
     ActionStatus,
     CellMotionStatus,
-    Denial,
     DenialCode,
     MotionStatus,
 )
@@ -40,8 +39,9 @@ class Motion(Generic[S]):
         motion_id: UUID,
         accepted: Accepted | None,
         cancel: Callable[[], Awaitable[None]],
-        pause: Callable[[], Awaitable[None]] | None = None,
-        resume: Callable[[], Awaitable[None]] | None = None,
+        pause: Callable[[], Awaitable[None]],
+        resume: Callable[[], Awaitable[None]],
+        set_speed: Callable[[float], Awaitable[float]],
     ) -> None:
         self._bus = bus
         self._key = key
@@ -49,6 +49,7 @@ class Motion(Generic[S]):
         self._cancel = cancel
         self._pause = pause
         self._resume = resume
+        self._set_speed = set_speed
         self.id = motion_id
         """Its identity."""
         self.accepted = accepted
@@ -63,12 +64,19 @@ class Motion(Generic[S]):
         await self._cancel()
 
     async def pause(self) -> None:
-        """Brings it to rest on its path until it is resumed; not for motions of several robots."""
-        await _or_denied(self._pause)
+        """Brings it to rest on its path until it is resumed; several robots at one phase of it."""
+        await self._pause()
 
     async def resume(self) -> None:
-        """Goes on with it; not for motions of several robots."""
-        await _or_denied(self._resume)
+        """Goes on with it."""
+        await self._resume()
+
+    async def set_speed(self, ratio: float) -> float:
+        """Changes its speed on its path, 0.01 to 1 of what it was planned for; returns the ratio.
+
+        For one robot that is the speed of all its motions, until it is changed again.
+        """
+        return await self._set_speed(ratio)
 
     async def wait(self, timeout_s: float | None = None) -> S:
         """Waits for its end and returns the terminal status, good or bad.
@@ -122,13 +130,6 @@ class Motion(Generic[S]):
         if status.status != ActionStatus.COMPLETE:
             raise MotionFailed(status)
         return status
-
-
-async def _or_denied(ask: Callable[[], Awaitable[None]] | None) -> None:
-    if ask is None:
-        message = "motions of several robots cannot be paused: cancel them"
-        raise DeniedError(Denial(code=DenialCode.NOT_SUPPORTED, message=message))
-    await ask()
 
 
 async def cancelled_if_interrupted(

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from pathlib import Path
 from uuid import UUID
 
 from armada import methods
 from armada._connection import STOP_TIMEOUT_S
+from armada._signature import SigningKey, reset_params
 from armada.messages import (
     Empty,
     ModeAnswer,
     ResetAnswer,
-    ResetParams,
     StopLevel,
     StopReport,
     StopScopeRobots,
@@ -37,15 +38,21 @@ class Robot(RobotMoves, RobotStreams, RobotEquipment):
         """Clears latched faults whose cause is gone, here and at the controller."""
         return await self.call(methods.RESET_ERRORS, Empty())
 
-    async def reset(self, stop_ids: Collection[UUID] | None = None) -> ResetAnswer:
+    async def reset(
+        self,
+        stop_ids: Collection[UUID] | None = None,
+        *,
+        key_file: str | Path | None = None,
+    ) -> ResetAnswer:
         """Clears the latched stop; never moves, never enables.
 
-        `stop_ids` must list every latched stop; if left out, those of the status are taken.
+        `stop_ids` must list every latched stop; if left out, those of the status are taken. A robot
+        that asks for a signature gets one made with the key in `key_file`. Raises `DeniedError` if
+        a stop has come meanwhile, or if something else still keeps the robot stopped.
         """
-        if stop_ids is None:
-            latch = (await self.status()).stop
-            stop_ids = () if latch is None else [stop.stop_id for stop in latch.stops]
-        return await self.call(methods.RESET, ResetParams(stop_ids=tuple(stop_ids)))
+        key = SigningKey.read(key_file)
+        params = reset_params(await self.status(), stop_ids, key)
+        return await self.call(methods.RESET, params)
 
     async def stop(
         self,

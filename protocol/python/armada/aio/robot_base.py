@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import TypeVar
+from uuid import UUID
 
 from armada import keys, methods
 from armada._bus import RETRY_PAUSE_S, VALUE_TIMEOUT_S
@@ -19,15 +19,20 @@ from armada.messages import (
     Event,
     HaltAnswer,
     JointState,
+    LeaseGrant,
     ModeAnswer,
+    RenewLeaseParams,
     RobotInfo,
     RobotState,
     RobotStatus,
+    Role,
     SetModeParams,
+    TakeLeaseParams,
+    Why,
 )
 
 from .latest import LatestState
-from .lease import HeldLease
+from .lease import HeldLease, hold, milliseconds
 from .opening import Opening
 from .subscription import Subscription
 
@@ -43,6 +48,7 @@ _WITHOUT_LEASE = frozenset(
         methods.CANCEL,
         methods.ABORT,
         methods.DISABLE,
+        methods.RESET,
         methods.GET_PARAM,
         methods.GET_SIGNAL,
         methods.FORWARD_KINEMATICS,
@@ -50,7 +56,7 @@ _WITHOUT_LEASE = frozenset(
         methods.SAVE_RECORDING,
     )
 )
-"""What may be asked also when the lease was lost: what only ends motion, and what only reads."""
+"""What may be asked also when the lease was lost: ends of motion, resets, and what only reads."""
 
 
 class RobotBase:
@@ -62,14 +68,18 @@ class RobotBase:
         self.name = name
         """Its name in the cell."""
         self._latest: LatestState | None = None
-        self._held: HeldLease | None = None
+
+    @property
+    def held(self) -> HeldLease | None:
+        """The lease of the robot that this connection holds or has lost; None if there is none."""
+        return self._connection.held.get(self.name)
 
     async def call(self, method: methods.Method[P, A], params: P) -> A:
         """Asks the robot's agent for any method of `armada.methods`, under the lease that is held.
 
         Raises `LeaseLost` if the lease was lost, unless the method needs none.
         """
-        held = self._held
+        held = self.held
         if held is not None and method.name not in _WITHOUT_LEASE:
             held.check()
         lease = held.id if held is not None and held.is_held else None
@@ -83,6 +93,10 @@ class RobotBase:
     async def status(self) -> RobotStatus:
         """How the robot is: mode, stops, faults, and what may be done next."""
         return await self._bus.value(RobotStatus, keys.ROBOT_STATUS.of(self.name))
+
+    async def why(self) -> tuple[Why, ...]:
+        """Why the robot does not move, or for whom it does: the most important reason first."""
+        return (await self.status()).why
 
     async def clock(self) -> ClockSample:
         """A sample of the clock of the robot's agent."""
@@ -155,31 +169,59 @@ class RobotBase:
         return await self.call(methods.HALT, Empty())
 
     def lease(
-        self, ttl_s: float = 1.0, *, on_lost: Callable[[LeaseLost], None] | None = None
+        self,
+        ttl_s: float = 1.0,
+        *,
+        role: Role = Role.PROGRAM,
+        on_lost: Callable[[LeaseLost], None] | None = None,
     ) -> Opening[HeldLease]:
         """Acquires the right to command the robot and keeps it, to be used in a `with`.
 
         `ttl_s` is how long it lasts, 0.2 to 60 s, when this program does not renew it any more.
-        What is asked of this robot meanwhile is asked under it. Raises `DeniedError` naming the
-        holder if somebody else has it, `ValueError` if it is held already.
+        What is asked of this robot meanwhile is asked under it. Nobody of a lower `role` can take
+        it away. Raises `DeniedError` naming the holder if somebody else has it, `ValueError` if it
+        is held already.
         """
-        return Opening(lambda: self._acquire(ttl_s, on_lost))
+        params = AcquireLeaseParams(ttl_ms=milliseconds(ttl_s), role=role)
+        return self._hold(methods.ACQUIRE_LEASE, params, on_lost)
 
-    async def _acquire(
-        self, ttl_s: float, on_lost: Callable[[LeaseLost], None] | None
-    ) -> HeldLease:
-        if self._held is not None and self._held.is_held:
-            raise ValueError(f"the lease of {self.name} is held already")
-        params = AcquireLeaseParams(ttl_ms=round(ttl_s * 1000))
-        key = keys.ROBOT_RPC.with_(self.name, methods.ACQUIRE_LEASE.name)
-        asked_at = time.monotonic()
-        grant = await self._bus.call(methods.ACQUIRE_LEASE, key, params)
-        self._held = HeldLease(self._bus, self.name, grant, asked_at, on_lost, self._forget)
-        return self._held
+    def take_lease(
+        self,
+        role: Role,
+        reason: str,
+        ttl_s: float = 1.0,
+        *,
+        on_lost: Callable[[LeaseLost], None] | None = None,
+    ) -> Opening[HeldLease]:
+        """Takes the right to command the robot from whoever has it: for a person, with a reason.
 
-    def _forget(self, lease: HeldLease) -> None:
-        if self._held is lease:
-            self._held = None
+        `role` is `operator` or `supervisor` and not below the holder's; the holder is told the
+        reason, and its motion ends. What is taken is kept as by `lease`.
+        """
+        params = TakeLeaseParams(ttl_ms=milliseconds(ttl_s), role=role, reason=reason)
+        return self._hold(methods.TAKE_LEASE, params, on_lost)
+
+    def use_lease(
+        self, lease: UUID, *, on_lost: Callable[[LeaseLost], None] | None = None
+    ) -> Opening[HeldLease]:
+        """Commands under a lease that its holder delegated to this client, and keeps it.
+
+        It is renewed and given back as one that was acquired, and lost with the holder's.
+        """
+        return self._hold(methods.RENEW_LEASE, RenewLeaseParams(lease=lease), on_lost)
+
+    def _hold(
+        self,
+        method: methods.Method[P, LeaseGrant],
+        params: P,
+        on_lost: Callable[[LeaseLost], None] | None,
+    ) -> Opening[HeldLease]:
+        key = keys.ROBOT_RPC.with_(self.name, method.name)
+
+        def ask() -> Awaitable[LeaseGrant]:
+            return self._bus.call(method, key, params)
+
+        return Opening(lambda: hold(self._connection, self.name, ask, on_lost))
 
     def _latest_state(self) -> LatestState:
         if self._latest is None:

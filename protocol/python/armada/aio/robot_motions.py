@@ -154,6 +154,7 @@ class RobotMotions(RobotBase):
             cancel=lambda: self.cancel(motion_id),
             pause=lambda: self.pause(motion_id),
             resume=lambda: self.resume(motion_id),
+            set_speed=self.set_speed_ratio,
         )
 
     async def _begin(

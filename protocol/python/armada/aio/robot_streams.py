@@ -84,7 +84,8 @@ class RobotStreams(RobotBase):
         raise RequestTimeout(keys.ROBOT_STATE.of(self.name), _STATE_S)
 
     def _held_lease(self) -> HeldLease:
-        if self._held is None:
+        held = self.held
+        if held is None:
             raise ValueError(f"a stream needs the lease of {self.name}: with robot.lease()")
-        self._held.check()
-        return self._held
+        held.check()
+        return held

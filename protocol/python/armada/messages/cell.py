@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from uuid import UUID
 
+import msgspec
+
 from ._base import Message, MonoTime, OpenEnum, RobotName
+from .authority import AuthorityState
 from .denial import Denial
+from .group import Coupling
 from .mode import CommandMode, ControllerState
 from .model import Pose
 from .motion import ActionStatus
 from .state import TcpState
-from .status import Fault, Lease, LoopStatistics, StopLatch
+from .status import Fault, Lease, LoopStatistics, StopLatch, Why
 
 
 class Mount(Message, frozen=True, kw_only=True):
@@ -85,8 +89,16 @@ class CellRobotStatus(Message, frozen=True, kw_only=True):
     """The latched stop, if any."""
     faults: tuple[Fault, ...]
     """Latched faults."""
+    authority: AuthorityState | None
+    """Where the right to command is; None if not known."""
     lease: Lease | None
     """Who may command."""
+    why: tuple[Why, ...]
+    """Why it does not move, or for whom it does."""
+    queued: int
+    """Motions that wait behind the one in progress."""
+    speed_ratio: float | None
+    """Speed of all its motions, 0.01 to 1; None if not known."""
     tcp: tuple[TcpState, ...]
     """Poses of the tips, in each chain's base."""
     state_age_ms: float | None
@@ -135,6 +147,14 @@ class CellMotionStatus(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Each robot's part."""
     start_skew_ms: float | None
     """Largest difference between the parts' measured starts [ms]; None before all have started."""
+    # Made by functions, so that they are written also where they are the defaults.
+    coupling: Coupling = msgspec.field(default_factory=lambda: Coupling.TIME_SYNCED)
+    """How closely the robots are tied together."""
+    max_divergence_ms: float | None = msgspec.field(default_factory=lambda: None)
+    """Largest difference of phase between two robots at the same time so far [ms]; None before
+    it was measured."""
+    start_travel: float | None = msgspec.field(default_factory=lambda: None)
+    """How far a joint may move at most if the last word before the start is lost [rad or m]."""
 
 
 class CellStatus(Message, frozen=True, kw_only=True):

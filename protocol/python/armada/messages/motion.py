@@ -81,6 +81,15 @@ class MotionProgress(Message, frozen=True, kw_only=True):
     """How many motions wait behind it."""
 
 
+class GroupQuality(Message, frozen=True, kw_only=True):
+    """What a motion with partners was like, as measured."""
+
+    max_divergence_ms: float
+    """Largest difference of phase to a partner at the same time [ms]."""
+    max_silence_ms: float
+    """Longest silence of a partner [ms]."""
+
+
 class MotionStatus(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Status of one motion of one robot."""
 
@@ -117,3 +126,5 @@ class MotionStatus(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Last waypoint passed."""
     waypoint_count: int
     """Number of waypoints; 0 for a jog."""
+    group: GroupQuality | None = None
+    """How well it kept together with its partners, if it has any."""

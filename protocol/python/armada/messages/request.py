@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import Generic, Literal, TypeAlias, TypeVar
 from uuid import UUID
 
+import msgspec
+
 from ._base import JointVector, Message, MonoTime, OpenEnum, RobotName
 from .denial import Denial
+from .group import Coupling, GroupParams, GroupReadiness
 from .mode import CommandMode
 from .model import JointTrajectory
 from .motion import ActionStatus
@@ -117,6 +120,10 @@ class PrepareParams(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Identity the motion gets; a new one is made if left out."""
     trajectory: JointTrajectory
     """The trajectory; it names every joint of the robot."""
+    group: GroupParams | None = None
+    """With whom it is to be followed; alone, at an instant, if left out."""
+    on_lease_loss: LeaseLoss = "stop_on_path"
+    """What to do if the lease is lost on the way."""
 
 
 class Accepted(Message, frozen=True, kw_only=True, omit_defaults=True):
@@ -132,7 +139,7 @@ class Accepted(Message, frozen=True, kw_only=True, omit_defaults=True):
     """How it ended, if the answer was to wait for that."""
 
 
-class Prepared(Message, frozen=True, kw_only=True):
+class Prepared(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Answer of `prepare`: valid, and kept for a `commit`."""
 
     motion_id: UUID
@@ -143,9 +150,11 @@ class Prepared(Message, frozen=True, kw_only=True):
     """Epoch it belongs to; any halt or stop makes the commit fail."""
     ttl_ms: int
     """How long it is kept [ms]."""
+    group: GroupReadiness | None = None
+    """What the others need to know of it, if it is to be followed with others."""
 
 
-class CommitParams(Message, frozen=True, kw_only=True):
+class CommitParams(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Parameters of `commit`: start a prepared motion at an instant."""
 
     motion_id: UUID
@@ -154,6 +163,8 @@ class CommitParams(Message, frozen=True, kw_only=True):
     """Run of the agent whose clock `start_ns` is of."""
     start_ns: MonoTime
     """Start, agent's monotonic clock [ns]."""
+    rate_slope_s: float | None = None
+    """Fastest change of the rate of all robots [1/s]: the lowest of what they answered."""
 
 
 class CancelParams(Message, frozen=True, kw_only=True):
@@ -163,11 +174,15 @@ class CancelParams(Message, frozen=True, kw_only=True):
     """Which motion."""
 
 
-class ResetParams(Message, frozen=True, kw_only=True):
+class ResetParams(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Parameters of an agent's `reset`."""
 
     stop_ids: tuple[UUID, ...]
     """The stops to clear; it must list every latched one."""
+    nonce: UUID
+    """The number that the robot's status asks for in `ResetNeeds`."""
+    signature: str | None = None
+    """Signature with the reset key, in hexadecimal, if the robot asks for one."""
 
 
 class ResetAnswer(Message, frozen=True, kw_only=True):
@@ -186,13 +201,24 @@ class CellExecuteTrajectory(Message, frozen=True, kw_only=True, omit_defaults=Tr
     """Identity the motion gets; a new one is made if left out."""
     trajectory: JointTrajectory
     """Joints are named `robot/joint`; every joint of each robot that takes part is named."""
+    coupling: Coupling = Coupling.TIME_SYNCED
+    """How closely the robots are tied together."""
+    leases: dict[RobotName, UUID] = msgspec.field(default_factory=dict)
+    """The lease of each robot that somebody holds one of."""
+    on_lease_loss: LeaseLoss = "stop_on_path"
+    """What the whole does if a lease is lost on the way."""
+    model_revs: dict[RobotName, int] = msgspec.field(default_factory=dict)
+    """Revision of each robot's tools and payloads that it was made for; any if left out."""
 
 
-class CellResetParams(Message, frozen=True, kw_only=True):
+class CellResetParams(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Parameters of the cell's `reset`."""
 
-    robots: tuple[RobotName, ...] = ()
+    # Made by a function, so that it is written also where it is the default.
+    robots: tuple[RobotName, ...] = msgspec.field(default_factory=lambda: ())
     """Which robots; all if empty."""
+    signed: dict[RobotName, ResetParams] = msgspec.field(default_factory=dict)
+    """Signed resets of the robots that ask for a signature; the others are reset by the gateway."""
 
 
 class CellResetAnswer(Message, frozen=True, kw_only=True):

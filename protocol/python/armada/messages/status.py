@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Literal, TypeAlias
 from uuid import UUID
 
+import msgspec
+
 from ._base import Message, MonoTime, OpenEnum, RobotName
+from .authority import AuthorityState, LeaseScope, Role
 from .mode import CommandMode, ControllerState, OperationalMode, RobotFlags
 from .motion import MotionStatus
-from .stop import LatchedStop, StopLevel, StopStage
+from .stop import LatchedStop, ResetNeeds, StopLevel, StopSourceStatus, StopStage
 
 
 class StopLatch(Message, frozen=True, kw_only=True):
@@ -20,17 +23,37 @@ class StopLatch(Message, frozen=True, kw_only=True):
     """Every stop that the reset must clear."""
     stage: StopStage
     """How far the robot has come."""
+    reset: ResetNeeds
+    """What a reset needs."""
 
 
-class Lease(Message, frozen=True, kw_only=True):
+class Delegate(Message, frozen=True, kw_only=True):
+    """Somebody whom the holder of a lease lets command as well."""
+
+    holder: str
+    """Name of the client."""
+    scope: LeaseScope
+    """What it has the right to."""
+    remaining_ms: int
+    """Time left [ms]."""
+
+
+class Lease(Message, frozen=True, kw_only=True, omit_defaults=True):
     """Who may command a robot, and for how long."""
 
     holder: str
     """Name of the holder."""
+    # Made by a function, so that it is written also where it is the default.
+    role: Role = msgspec.field(default_factory=lambda: Role.PROGRAM)
+    """As what it commands."""
+    reason: str | None = None
+    """Why it took the lease from somebody else, if it did."""
     remaining_ms: int
     """Time left [ms]; 0 once it has run out."""
     stale: bool
     """Whether it has run out: the holder may still renew it, anybody may acquire one."""
+    delegates: tuple[Delegate, ...] = ()
+    """Whom the holder lets command as well."""
 
 
 class StreamStatistics(Message, frozen=True, kw_only=True):
@@ -46,6 +69,12 @@ class StreamStatistics(Message, frozen=True, kw_only=True):
     """Time since the newest one [ms]."""
     starved: bool
     """Whether the robot decelerates or stands because samples stay away."""
+    jitter_ms: float = 0.0
+    """Variation of the time between samples, over about the last second [ms]."""
+    loss: float = 0.0
+    """Share of the samples that did not come or came too late, over about the last second."""
+    allowed: float = 0.0
+    """Highest rate that the link allows: 1 as asked, less when it is slowed, 0 when refused."""
 
 
 class FaultCode(OpenEnum):
@@ -141,6 +170,53 @@ class LoopStatistics(Message, frozen=True, kw_only=True):
     """How the operating system really schedules the loop."""
 
 
+class WhyCode(OpenEnum):
+    """Kind of a reason why a robot is as it is."""
+
+    NOT_CONNECTED = "not_connected"
+    """The controller does not answer."""
+    STOPPED = "stopped"
+    """A stop is latched."""
+    STOP_SOURCE = "stop_source"
+    """A source of stops is pressed or silent."""
+    FAULTED = "faulted"
+    """A fault is latched."""
+    LOCAL = "local"
+    """A person at the controller has it."""
+    DRIVES_OFF = "drives_off"
+    """The drives are off."""
+    DRIVEN_BY = "driven_by"
+    """Somebody holds a lease."""
+    LEASE_STALE = "lease_stale"
+    """A lease has run out."""
+    MOVING = "moving"
+    """A motion is in progress."""
+    WAITING = "waiting"
+    """A motion is paused, or waits for its partners."""
+    DEGRADED_LINK = "degraded_link"
+    """A stream is starved, slowed or refused because of its link."""
+    HALTED = "halted"
+    """Its mode is `halt`: nothing is asked of it."""
+    READY = "ready"
+    """Nothing keeps it from moving."""
+
+
+class Why(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """One reason why a robot is as it is."""
+
+    code: WhyCode
+    """What kind."""
+    message: str
+    """The same for a person, with who, what and numbers."""
+    who: str | None = None
+    """Who is behind it, if that is known."""
+    since_ns: MonoTime | None = None
+    """Since when, agent's monotonic clock [ns]."""
+
+    def __str__(self) -> str:
+        return self.message
+
+
 class RobotStatus(Message, frozen=True, kw_only=True):
     """Condition of a robot, published on change and once a second."""
 
@@ -166,17 +242,25 @@ class RobotStatus(Message, frozen=True, kw_only=True):
     """The latched stop, if any."""
     faults: tuple[Fault, ...]
     """Latched faults, oldest first."""
+    authority: AuthorityState
+    """Where the right to command is."""
     lease: Lease | None
     """Who may command; None while nobody holds a lease."""
     motion: MotionStatus | None
     """The motion in progress or waiting for its start."""
     queued: tuple[UUID, ...]
     """Motions that wait behind it, in their order."""
+    speed_ratio: float
+    """Speed of all motions, 0.01 to 1."""
     stream: StreamStatistics | None
     """The stream of commands, while one is in progress."""
     control_loop: LoopStatistics
     """Timing of the control loop."""
     dropped: tuple[tuple[str, int], ...]
     """Messages that were dropped or refused since the start, by reason."""
+    stop_sources: tuple[StopSourceStatus, ...]
+    """Sources of stops elsewhere that have to check in."""
+    why: tuple[Why, ...]
+    """Why it does not move, or for whom it does: the most important first."""
     next: tuple[str, ...]
     """What may be done next, in words for a person."""

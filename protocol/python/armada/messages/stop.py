@@ -96,6 +96,28 @@ class LatchedStop(Message, frozen=True, kw_only=True):
     """Why."""
 
 
+class ResetZone(OpenEnum):
+    """Who has to see to it before a robot's stop is reset."""
+
+    REMOTE = "remote"
+    """Nobody has to be at the arm."""
+    MANUAL = "manual"
+    """Somebody acknowledges at the arm first."""
+
+
+class ResetNeeds(Message, frozen=True, kw_only=True):
+    """What a reset of a latched stop needs."""
+
+    nonce: UUID
+    """To be returned in the reset; a new one after every stop and every attempt."""
+    signed: bool
+    """Whether the reset has to be signed."""
+    zone: ResetZone
+    """Who has to see to it."""
+    acknowledged: bool
+    """Whether that was acknowledged at the arm; true if nobody has to."""
+
+
 class StopVerdict(OpenEnum):
     """Verdict of a stop report."""
 
@@ -116,3 +138,39 @@ class StopReport(Message, frozen=True, kw_only=True):
     """Highest stage reached by each robot in scope, with its time."""
     missing: tuple[RobotName, ...]
     """Robots in scope that did not reach standstill in time."""
+
+
+class StopSourceStatus(Message, frozen=True, kw_only=True):
+    """A source of stops elsewhere that has to check in, as a robot knows it."""
+
+    source: str
+    """Name of the source."""
+    pressed: bool
+    """Whether it is pressed; true as well while it is not heard."""
+    age_ms: float | None
+    """Time since its last check-in [ms]; None if it has never been heard."""
+
+
+class StopChallenge(Message, frozen=True, kw_only=True):
+    """What an agent asks a source of stops, with a number that nobody can guess."""
+
+    robot: RobotName
+    """Who asks."""
+    nonce: UUID
+    """To be returned."""
+
+
+class StopCheckIn(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """What a source of stops answers: made from its real input for every challenge.
+
+    It never comes from a wrapper that knows no input.
+    """
+
+    source: str
+    """Name of the source."""
+    nonce: UUID
+    """Number of the challenge."""
+    pressed: bool
+    """Whether it is pressed."""
+    signature: str | None = None
+    """Signature of the rest with the key of the cell, if it has one."""

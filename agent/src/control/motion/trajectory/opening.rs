@@ -66,7 +66,8 @@ impl TrajectoryMotion {
         }
         let leg = Leg::new(Arc::clone(&order.trajectory));
         let opening = Opening::Planned(lead_in);
-        Ok(Self { start: order.start, opening, ..Self::on(leg, order.kind, speed) })
+        let coupling = order.group.map(|group| group.coupling);
+        Ok(Self { start: order.start, opening, coupling, ..Self::on(leg, order.kind, speed) })
     }
 
     /// To be begun when the robot stands, from wherever that is.

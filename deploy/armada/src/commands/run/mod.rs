@@ -10,16 +10,17 @@ use anyhow::bail;
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{
-    Accepted, ActionStatus, CancelParams, CellExecuteTrajectory, CommandMode,
+    Accepted, ActionStatus, CancelParams, CellExecuteTrajectory, CommandMode, Coupling,
     ExecuteTrajectoryParams, Queue,
 };
 use armada_protocol::method::{cell, robot};
 use clap::{Args, ValueEnum, ValueHint};
 use uuid::Uuid;
 
-pub(crate) use plan::Plan;
+pub(crate) use plan::{Plan, Terms};
 
 use crate::cell_address::CellArgs;
+use crate::choice::one_of;
 use crate::commands::moves::{commanded, parse_fraction, start_jog};
 use crate::exit::{Exit, UsageError};
 use crate::motion::{Follower, MotionView, Mover, Waited, end_line, enter_mode, next_state};
@@ -42,11 +43,14 @@ const CANCEL_TIMEOUT: Duration = Duration::from_secs(5);
   armada run config/motions/handover.json --speed 0.5 --repeat 3
   armada run sweep.json --robot left_arm
   armada run next.json --robot left_arm --queue append --no-wait
+  armada run lift.json --coupling rigid --leases left_arm=UUID --leases right_arm=UUID
 
 The file holds joint_names, and waypoints with time_from_start_s, joint_position [rad or m] and,
 if you like, joint_velocity. Names are ROBOT/JOINT, or JOINT with --robot.
 Every part is checked by its robot before any part starts; all start at one instant; when one
-fails, all stop. Ctrl-C cancels with a ramp to standstill.")]
+fails, all stop. With `independent` each keeps its own pace; with `time_synced`, the default, all
+are always at one phase; with `rigid` they also come to rest on one ramp, for what they hold between
+them. Ctrl-C cancels with a ramp to standstill.")]
 pub(crate) struct RunArgs {
     /// Trajectory
     #[arg(value_name = "FILE.json", value_hint = ValueHint::FilePath)]
@@ -66,10 +70,23 @@ pub(crate) struct RunArgs {
     /// What to do if a motion is in progress, instead of refusing; without an approach
     #[arg(long, value_name = "HOW", requires = "robot", value_enum)]
     queue: Option<QueueName>,
+    /// How closely several robots are tied together
+    #[arg(long, value_name = "HOW", conflicts_with = "robot", default_value = "time_synced",
+          value_parser = one_of::<Coupling>(&["independent", "time_synced", "rigid"]))]
+    coupling: Coupling,
+    /// Lease of one of several robots, as `armada lease hold` prints it; repeat for each
+    #[arg(long, value_name = "ROBOT=UUID", conflicts_with = "robot", value_parser = parse_lease)]
+    leases: Vec<(RobotName, Uuid)>,
     #[command(flatten)]
     wait: WaitArgs,
     #[command(flatten)]
     cell: CellArgs,
+}
+
+fn parse_lease(text: &str) -> Result<(RobotName, Uuid), String> {
+    let (robot, lease) = text.split_once('=').ok_or("expected ROBOT=UUID")?;
+    let robot = robot.parse().map_err(|error| format!("{error}"))?;
+    Ok((robot, lease.parse().map_err(|error| format!("{lease:?}: {error}"))?))
 }
 
 /// What to do with a motion in progress.
@@ -95,7 +112,8 @@ impl From<QueueName> for Queue {
 
 /// Runs the trajectory.
 pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
-    let plan = Plan::load(&args.file, args.robot.as_ref())?.at_speed(args.speed);
+    let terms = Terms { coupling: args.coupling, leases: args.leases.into_iter().collect() };
+    let plan = Plan::load(&args.file, args.robot.as_ref())?.at_speed(args.speed).on_terms(terms)?;
     let queue = args.queue.map_or(Queue::Refuse, Queue::from);
     if args.wait.no_wait && args.repeat.get() > 1 {
         let why = "--no-wait runs it once: leave --repeat out, or append with --queue";
@@ -149,7 +167,8 @@ pub(crate) async fn approach(client: &Client, plan: &Plan) -> anyhow::Result<()>
     let mut jogs = Vec::new();
     for (info, goal) in away {
         note(format_args!("{}: moving to the first waypoint", info.robot));
-        jogs.push(start_jog(client, &info, goal, APPROACH_SPEED).await?);
+        let client = plan.client_of(client, &info.robot);
+        jogs.push(start_jog(&client, &info, goal, APPROACH_SPEED).await?);
     }
     for jog in &jogs {
         let view = jog.end(client).await?;
@@ -250,7 +269,8 @@ async fn start_queued(
     queue: Queue,
 ) -> anyhow::Result<(Accepted, Follower)> {
     for part in plan.parts() {
-        enter_mode(client, &part.robot, CommandMode::Trajectory).await?;
+        let client = plan.client_of(client, &part.robot);
+        enter_mode(&client, &part.robot, CommandMode::Trajectory).await?;
     }
     let id = Uuid::now_v7();
     let follower = Follower::subscribe(client, plan.mover(), id).await?;
@@ -272,7 +292,9 @@ async fn execute(
             client.call::<robot::ExecuteTrajectory>(&robot, params).await
         }
         Mover::Cell => {
-            let params = CellExecuteTrajectory::new(Some(id), trajectory);
+            let Terms { coupling, leases } = plan.terms().clone();
+            let new = CellExecuteTrajectory::new(Some(id), trajectory);
+            let params = CellExecuteTrajectory { coupling, leases, ..new };
             client.call_cell::<cell::ExecuteTrajectory>(params).await
         }
     }

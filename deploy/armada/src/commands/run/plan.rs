@@ -1,11 +1,14 @@
 //! A trajectory file, and what each robot has to do in it.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context as _;
 use armada_model::{JointTrajectory, JointVector};
 use armada_protocol::RobotName;
-use armada_protocol::messages::RobotInfo;
+use armada_protocol::client::Client;
+use armada_protocol::messages::{Coupling, RobotInfo};
+use uuid::Uuid;
 
 use crate::exit::UsageError;
 use crate::motion::Mover;
@@ -21,6 +24,16 @@ pub(crate) struct Plan {
     trajectory: JointTrajectory,
     mover: Mover,
     parts: Vec<Part>,
+    terms: Terms,
+}
+
+/// On which terms several robots follow a trajectory together.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Terms {
+    /// How closely they are tied together.
+    pub(crate) coupling: Coupling,
+    /// The lease of each robot that somebody holds one of.
+    pub(crate) leases: BTreeMap<RobotName, Uuid>,
 }
 
 /// What one robot has to do.
@@ -77,7 +90,7 @@ impl Plan {
             }
         }
         let mover = robot.map_or(Mover::Cell, |robot| Mover::Robot(robot.clone()));
-        Ok(Self { name, trajectory, mover, parts })
+        Ok(Self { name, trajectory, mover, parts, terms: Terms::default() })
     }
 
     /// The same with its times divided by `speed`, its velocities multiplied by it, and its
@@ -89,6 +102,32 @@ impl Plan {
             waypoint.joint_acceleration.iter_mut().for_each(|value| *value *= speed * speed);
         }
         self
+    }
+
+    /// The same on these terms.
+    ///
+    /// # Errors
+    /// If a lease is that of a robot that takes no part.
+    pub(crate) fn on_terms(mut self, terms: Terms) -> Result<Self, UsageError> {
+        let takes_part = |robot: &RobotName| self.parts.iter().any(|part| part.robot == *robot);
+        if let Some(robot) = terms.leases.keys().find(|robot| !takes_part(robot)) {
+            return Err(UsageError(format!("--leases names {robot}, which takes no part")));
+        }
+        self.terms = terms;
+        Ok(self)
+    }
+
+    /// The terms.
+    pub(crate) const fn terms(&self) -> &Terms {
+        &self.terms
+    }
+
+    /// The connection as it asks `robot` alone: under its lease, if there is one.
+    pub(crate) fn client_of(&self, client: &Client, robot: &RobotName) -> Client {
+        match self.terms.leases.get(robot) {
+            Some(lease) => client.under(*lease),
+            None => client.clone(),
+        }
     }
 
     /// What each robot has to do.

@@ -2,7 +2,8 @@
 
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    CellRobotStatus, CommandMode, ControllerState, Fault, LatchedStop, Presence,
+    CellRobotStatus, CommandMode, ControllerState, Fault, LatchedStop, Presence, ResetNeeds,
+    ResetZone, WhyCode,
 };
 
 use crate::words;
@@ -27,12 +28,39 @@ pub(crate) fn of(robot: &RobotName, status: &CellRobotStatus) -> Vec<String> {
         status.faults.iter().map(|fault| fault_line(robot, fault)).collect();
     if let Some(stop) = &status.stop {
         lines.extend(stop.stops.iter().map(|stop| stop_line(robot, stop)));
-        lines.push(format!("{robot}: when it is safe to go on: `armada reset {robot}`"));
+        lines.push(format!("{robot}: when it is safe to go on: {}", reset(robot, &stop.reset)));
     }
+    // Stops, faults and drives are told above and below, with what a person types.
+    let others = status.why.iter().filter(|why| is_told_as_it_is(why.code));
+    lines.extend(others.map(|why| format!("{robot}: {}", why.message)));
     if lines.is_empty() {
         lines.extend(not_commanded(robot, status));
     }
     lines
+}
+
+/// What a person types to clear a stop, with what has to be done before.
+pub(crate) fn reset(robot: &RobotName, needs: &ResetNeeds) -> String {
+    let at_arm = needs.zone == ResetZone::Manual && !needs.acknowledged;
+    let first = if at_arm { "acknowledge it at the arm, and then " } else { "" };
+    let key = if needs.signed { " --key-file FILE" } else { "" };
+    format!("{first}`armada reset {robot}{key}`")
+}
+
+/// Whether a reason is not one of those that have a line of their own.
+const fn is_told_as_it_is(code: WhyCode) -> bool {
+    match code {
+        WhyCode::StopSource | WhyCode::Local | WhyCode::Waiting | WhyCode::DegradedLink => true,
+        WhyCode::NotConnected
+        | WhyCode::Stopped
+        | WhyCode::Faulted
+        | WhyCode::DrivesOff
+        | WhyCode::DrivenBy
+        | WhyCode::LeaseStale
+        | WhyCode::Moving
+        | WhyCode::Halted
+        | WhyCode::Ready => false,
+    }
 }
 
 fn fault_line(robot: &RobotName, fault: &Fault) -> String {
@@ -65,7 +93,7 @@ fn not_commanded(robot: &RobotName, status: &CellRobotStatus) -> Option<String> 
 #[cfg(test)]
 mod tests {
     use armada_model::MonoTime;
-    use armada_protocol::messages::{ClearBy, FaultCode, StopLatch, StopLevel, StopStage};
+    use armada_protocol::messages::{ClearBy, FaultCode, StopLatch, StopLevel, StopStage, Why};
     use uuid::Uuid;
 
     use super::*;
@@ -137,6 +165,34 @@ mod tests {
         let lines = advice(&CellRobotStatus { stop: Some(stop), ..online() });
         assert_eq!(lines[0], "left_arm: stopped (L1) by a: no reason given");
         assert_eq!(lines[2], "left_arm: when it is safe to go on: `armada reset left_arm`");
+    }
+
+    #[test]
+    fn what_a_reset_needs_is_told_before_it_is_tried() {
+        let robot: RobotName = "left_arm".parse().expect("a name");
+        let manual = ResetNeeds { zone: ResetZone::Manual, acknowledged: false, ..<_>::default() };
+        assert_eq!(
+            reset(&robot, &manual),
+            "acknowledge it at the arm, and then `armada reset left_arm`"
+        );
+        let signed = ResetNeeds { acknowledged: true, signed: true, ..manual };
+        assert_eq!(reset(&robot, &signed), "`armada reset left_arm --key-file FILE`");
+    }
+
+    #[test]
+    fn what_else_keeps_a_robot_is_told_in_the_words_of_its_agent() {
+        let why = |code, message: &str| Why {
+            code,
+            message: message.to_owned(),
+            who: None,
+            since_ns: None,
+        };
+        let why = vec![
+            why(WhyCode::StopSource, "door_1 is pressed or silent, heard 42 ms ago"),
+            why(WhyCode::Halted, "it is in halt"),
+        ];
+        let lines = advice(&CellRobotStatus { why, ..online() });
+        assert_eq!(lines, ["left_arm: door_1 is pressed or silent, heard 42 ms ago"]);
     }
 
     #[test]

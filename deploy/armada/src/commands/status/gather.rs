@@ -68,7 +68,11 @@ fn online(status: RobotStatus) -> CellRobotStatus {
         controller_state: Some(status.controller_state),
         stop: status.stop,
         faults: status.faults,
+        authority: Some(status.authority),
         lease: status.lease,
+        why: status.why,
+        queued: u32::try_from(status.queued.len()).unwrap_or(u32::MAX),
+        speed_ratio: Some(status.speed_ratio),
         control_loop: Some(status.control_loop),
         ..CellRobotStatus::default()
     }

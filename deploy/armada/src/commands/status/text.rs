@@ -43,7 +43,7 @@ fn robots(report: &Report) -> Table {
         "mode",
         "controller",
         "stop",
-        "lease",
+        "may command",
         "tip: x y z  roll pitch yaw",
     ]);
     for (robot, status) in &report.robots {
@@ -53,7 +53,7 @@ fn robots(report: &Report) -> Table {
             status.command_mode.map_or("-", words::mode).to_owned(),
             status.controller_state.map_or("-", words::controller).to_owned(),
             words::stop(status.stop.as_ref()),
-            words::lease(status.lease.as_ref()),
+            words::authority(status.authority, status.lease.as_ref()),
             tip(status),
         ]);
     }
@@ -88,7 +88,8 @@ fn timing_row(robot: &RobotName, status: &CellRobotStatus) -> Vec<String> {
 mod tests {
     use armada_model::Pose;
     use armada_protocol::messages::{
-        CellVerdict, CommandMode, ControllerState, LoopStatistics, Presence, TcpState,
+        AuthorityState, CellVerdict, CommandMode, ControllerState, LoopStatistics, Presence,
+        TcpState,
     };
 
     use super::*;
@@ -98,6 +99,7 @@ mod tests {
             presence: Presence::Online,
             command_mode: Some(CommandMode::Jog),
             controller_state: Some(ControllerState::MotorOn),
+            authority: Some(AuthorityState::Free),
             tcp: vec![TcpState::of("arm", Pose::from_translation(0.5, 0.0, 1.0))],
             state_age_ms: Some(3.25),
             state_rate_hz: 99.7,
@@ -126,9 +128,9 @@ mod tests {
         let expected = "\
 cell dual_arm
 
-robot     presence  mode  controller  stop  lease  tip: x y z  roll pitch yaw
-left_arm  online    jog   motor on    -     -      0.500 0.000 1.000 m  0.0 0.0 0.0°
-torso     not seen  -     -           -     -      -
+robot     presence  mode  controller  stop  may command  tip: x y z  roll pitch yaw
+left_arm  online    jog   motor on    -     anybody      0.500 0.000 1.000 m  0.0 0.0 0.0°
+torso     not seen  -     -           -     -            -
 
 robot     control loop                        state   age     clock within
 left_arm  1000/1000 Hz, 2 overruns, 0 missed  100 Hz  3.2 ms  ±84 µs

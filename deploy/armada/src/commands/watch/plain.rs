@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use armada_protocol::messages::{AuthorityState, WhyCode};
 use serde_json::json;
 use tokio::time::{Instant, MissedTickBehavior, interval_at};
 
@@ -86,8 +87,9 @@ fn line(model: &Model, now: Duration) -> String {
         if status.stop.is_some() {
             line.push_str(", STOPPED");
         }
-        if let Some(lease) = &status.lease {
-            line.push_str(&format!(", lease {}", words::lease(Some(lease))));
+        if status.lease.is_some() || status.authority == AuthorityState::Local {
+            let who = words::authority(Some(status.authority), status.lease.as_ref());
+            line.push_str(&format!(", commanded by {who}"));
         }
         if let Some(stream) = &status.stream {
             line.push_str(&format!(", {}", words::stream(stream)));
@@ -95,12 +97,19 @@ fn line(model: &Model, now: Duration) -> String {
         for fault in &status.faults {
             line.push_str(&format!(", FAULT {}", fault.message));
         }
+        for why in &status.why {
+            if matches!(why.code, WhyCode::StopSource | WhyCode::DegradedLink) {
+                line.push_str(&format!(", {}", why.message));
+            }
+        }
     }
     line
 }
 
 #[cfg(test)]
 mod tests {
+    use armada_protocol::messages::RobotStatus;
+
     use super::super::model::tests::full_model;
     use super::*;
 
@@ -111,6 +120,23 @@ mod tests {
             "left_arm: trajectory motor on, joints [0.5000 -0.2500], 100 Hz, 0 ms old, \
              motion 25 %, FAULT joint shoulder: 0.3 rad behind"
         );
+    }
+
+    #[test]
+    fn who_commands_and_what_keeps_the_robot_are_in_the_line() {
+        let mut model = full_model();
+        let text = include_str!("../../../../../protocol/golden/robot_status.json");
+        let mut status: RobotStatus = serde_json::from_str(text).expect("the golden sample");
+        status.faults.clear();
+        status.stream = None;
+        status.authority = AuthorityState::Held;
+        status.why[0].code = WhyCode::StopSource;
+        status.why[0].message = "door_1 is pressed".to_owned();
+        model.take_status(status);
+        let line = line(&model, Duration::from_secs(1));
+        let end = ", STOPPED, commanded by planner (operator) 0.8 s, and gripper-ui, \
+                   door_1 is pressed";
+        assert!(line.ends_with(end), "{line}");
     }
 
     #[test]

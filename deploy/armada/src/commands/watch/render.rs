@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use armada_model::JointLimits;
-use armada_protocol::messages::{JointInfo, RobotState, RobotStatus};
+use armada_protocol::messages::{JointInfo, RobotState, RobotStatus, Why, WhyCode};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -227,14 +227,38 @@ fn status_lines(status: &RobotStatus) -> Vec<Line<'_>> {
         lines.push(Line::styled(format!("FAULT {code}: {}", fault.message), alarm));
         lines.push(Line::raw(format!("  {}", words::remedy(&status.robot, fault))));
     }
-    if let Some(lease) = &status.lease {
-        lines.push(Line::raw(format!("lease: {}", words::lease(Some(lease)))));
+    lines.push(Line::raw(format!("may command: {}", who_may_command(status))));
+    let pressed = |pressed| if pressed { alarm } else { Style::new() };
+    for source in &status.stop_sources {
+        let text = format!("stop source {}", words::stop_source(source));
+        lines.push(Line::styled(text, pressed(source.pressed)));
     }
+    lines.extend(others(status).map(|why| Line::raw(format!("why: {}", why.message))));
     if let Some(stream) = &status.stream {
         lines.push(Line::raw(words::stream(stream)));
     }
     lines.extend(status.next.iter().map(|next| Line::raw(format!("next: {next}"))));
     lines
+}
+
+fn who_may_command(status: &RobotStatus) -> String {
+    let mut text = words::authority(Some(status.authority), status.lease.as_ref());
+    if let Some(reason) = status.lease.as_ref().and_then(|lease| lease.reason.as_ref()) {
+        text.push_str(&format!(", who took it: {reason}"));
+    }
+    text
+}
+
+/// The reasons that have no line of their own.
+fn others(status: &RobotStatus) -> impl Iterator<Item = &Why> {
+    let own = [
+        WhyCode::Stopped,
+        WhyCode::StopSource,
+        WhyCode::Faulted,
+        WhyCode::DrivenBy,
+        WhyCode::LeaseStale,
+    ];
+    status.why.iter().filter(move |why| !own.contains(&why.code))
 }
 
 fn draw_help(frame: &mut Frame<'_>, area: Rect) {
@@ -252,6 +276,7 @@ fn draw_help(frame: &mut Frame<'_>, area: Rect) {
 
 #[cfg(test)]
 mod tests {
+    use armada_protocol::messages::AuthorityState;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
 
@@ -284,8 +309,8 @@ mod tests {
             "motion ████████░░░░░░░░░░░░░░░░░░░░░░  25 %  1.0/4.0 s  waypoint 3",
             "FAULT tracking error: joint shoulder: 0.3 rad behind",
             "  `armada reset-errors left_arm` clears it",
+            "may command: anybody",
             "next: reset_errors when the cause is gone",
-            "",
             " STOP: s   halt: h   help: ?   quit: q",
         ];
         assert_eq!(screen, expected);
@@ -330,6 +355,28 @@ mod tests {
             let at = scale(position, &limits).chars().position(|c| c == '●');
             assert_eq!(at, Some(place), "{position}");
         }
+    }
+
+    #[test]
+    fn who_may_command_stop_sources_and_other_reasons_have_their_lines() {
+        let text = include_str!("../../../../../protocol/golden/robot_status.json");
+        let mut status: RobotStatus = serde_json::from_str(text).expect("the golden sample");
+        status.authority = AuthorityState::Held;
+        status.why.push(Why {
+            code: WhyCode::DegradedLink,
+            message: "the stream starves".to_owned(),
+            who: None,
+            since_ns: None,
+        });
+        let lines: Vec<String> = status_lines(&status).iter().map(Line::to_string).collect();
+        for expected in [
+            "may command: planner (operator) 0.8 s, and gripper-ui, who took it: planner hangs",
+            "stop source door_1 PRESSED or silent, heard 42 ms ago",
+            "why: the stream starves",
+        ] {
+            assert!(lines.iter().any(|line| line == expected), "{expected}: {lines:#?}");
+        }
+        assert!(!lines.iter().any(|line| line == "why: stop L1 by door_1: door opened"));
     }
 
     #[test]

@@ -1,0 +1,5 @@
+mod explore;
+mod network;
+mod readiness;
+mod unit;
+mod world;
