@@ -57,6 +57,7 @@ where
     }
     let thread = std::thread::Builder::new().name(format!("client of {name}"));
     let run = move || -> Result<()> {
+        namespace::come_first();
         client_namespace()?.enter()?;
         let network = Network::new()?;
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;

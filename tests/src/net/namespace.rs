@@ -10,6 +10,9 @@ use std::sync::mpsc::{Sender, channel, sync_channel};
 use anyhow::{Context, Result, anyhow, ensure};
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 
+/// Niceness of all that runs on hosts.
+const NICENESS: i32 = -15;
+
 type Job = Box<dyn FnOnce() + Send>;
 
 /// A network namespace. It has no name, so the system removes it with the last thread or process in
@@ -38,6 +41,7 @@ impl Namespace {
         let inside = file.try_clone()?;
         let (told, entered) = sync_channel(1);
         std::thread::Builder::new().name("host".to_owned()).spawn(move || {
+            come_first();
             // The one who waits is the one who asked.
             let _ = told.send(enter(&inside));
             todo.into_iter().for_each(|job| job());
@@ -74,6 +78,13 @@ impl Namespace {
             ip(&words)
         })
     }
+}
+
+/// Lets the calling thread, and all threads and processes that it starts, run before others: hosts
+/// are machines of their own, and what else this machine does must not slow them all down.
+pub(super) fn come_first() {
+    // Where that is not permitted it is done without.
+    let _ = rustix::process::setpriority_process(None, NICENESS);
 }
 
 fn enter(namespace: &File) -> Result<()> {
