@@ -15,7 +15,7 @@
 //! Invariants, each a test:
 //! * Nothing here allocates, waits, or can fail: what goes wrong becomes a fault and a ramp.
 //! * **One stream.** Set-points are sent while the controller is heard, its drives are on, it takes
-//!   commands, and no stop of level L0 is in force. While nothing moves, the last one is sent
+//!   commands, its pendant has no control, and no stop of level L0 is in force. While nothing moves, the last one is sent
 //!   again at every tick, in halt too: the controller's own watchdog sees a live stream. A stream
 //!   that broke off begins anew at the measured position, and not in `invalid_state`, unless a
 //!   stop is latched: then "stay where you are" is what is to be said.

@@ -28,7 +28,7 @@
 //! The stages are reported in their order and never skipped, since whoever reads the highest takes
 //! it for proof of the lower: a robot whose drives are off need not stand. `Commanded` is said in
 //! the tick whose set-point or request is the first of the stop, or when the controller reports that it
-//! follows none. Without communication nothing is said, though drives-off is still asked for.
+//! follows none or its pendant's. Without communication nothing is said, though drives-off is still asked for.
 //! Standstill has to be shown anew after each raise, by a robot that stood before as well.
 //!
 //! When the gate opens nothing moves and nothing is enabled.
@@ -97,13 +97,14 @@ impl LoopState {
         if self.stop.level.is_none() || self.condition.feedback().is_none() {
             return;
         }
+        let pendant = self.check_local_control().is_err();
         let sent = tick.output.command.is_some()
             || matches!(
                 tick.output.driver_request,
                 Some(DriverRequest::Disable | DriverRequest::StopMotion)
             );
         let stages = [
-            (StopStage::Commanded, sent || !self.condition.follows()),
+            (StopStage::Commanded, sent || !self.condition.follows() || pendant),
             (StopStage::Standstill, self.standstill.is_shown(tick.params)),
             (StopStage::DrivesOff, self.condition.drives_are_off()),
         ];

@@ -19,6 +19,8 @@ use super::stop_gate::Closing;
 use super::stop_intake::IncomingStop;
 use super::stop_latch::{CONTROLLER, ReceivedStop, StopRecord, untold_stop};
 
+/// Most stops that are written down one by one; those beyond are one more together.
+const MAX_STOPS: usize = 256;
 /// How long the whole cell gets to stand still when an emergency stop of one robot stops it.
 const CELL_PATIENCE: Duration = Duration::from_secs(5);
 
@@ -205,8 +207,12 @@ fn record_stop(
     record.level = record.level.max(latched.level);
     record.gate_count = record.gate_count.max(closing.count);
     record.stage = stage;
-    let known = record.stops.iter_mut().find(|known| known.stop.stop_id == latched.stop_id);
-    let is_new = known.is_none();
+    let at = record.stops.iter().position(|known| known.stop.stop_id == latched.stop_id);
+    let is_new = at.is_none();
+    if is_new && record.stops.len() >= MAX_STOPS {
+        return (crowded(board, latched, received), false);
+    }
+    let known = at.and_then(|at| record.stops.get_mut(at));
     let stop = if let Some(known) = known {
         known.stop.level = known.stop.level.max(latched.level);
         known.clone()
@@ -223,6 +229,17 @@ fn record_stop(
     (acks, is_new)
 }
 
+/// Takes a stop that there is no room for: it is acknowledged, and its level counts.
+fn crowded(board: &mut Board, latched: LatchedStop, received: MonoTime) -> Vec<StopAck> {
+    if let Some(record) = board.stop.as_mut().filter(|record| record.stops.len() == MAX_STOPS) {
+        let stop =
+            untold_stop(latched.level, "more stops came in than are written down one by one");
+        record.stops.push(ReceivedStop { stop, received });
+        record.nonce = Uuid::new_v4();
+    }
+    vec![ack(board, &ReceivedStop { stop: latched, received }, StopStage::Received, received)]
+}
+
 fn ack(board: &Board, stop: &ReceivedStop, stage: StopStage, stamp: MonoTime) -> StopAck {
     StopAck {
         stop_id: stop.stop.stop_id,
@@ -237,4 +254,113 @@ fn ack(board: &Board, stop: &ReceivedStop, stage: StopStage, stamp: MonoTime) ->
 #[expect(clippy::disallowed_methods, reason = "the runtime is where tasks are started")]
 fn start(task: impl Future<Output = ()> + Send + 'static) {
     tokio::spawn(task);
+}
+
+#[cfg(test)]
+mod tests {
+    use armada_model::JointLimits;
+    use armada_protocol::messages::{DenialCode, ResetZone};
+
+    use super::super::words::Vocabulary;
+    use super::*;
+    use crate::control::{Input, LoopState, Params, step};
+
+    fn board() -> Board {
+        let limits = JointLimits {
+            lower: Some(-1.0),
+            upper: Some(1.0),
+            velocity: 1.0,
+            acceleration: Some(1.0),
+            jerk: None,
+            effort: None,
+        };
+        let params = Params::for_joints(vec![limits], Duration::from_millis(2)).expect("one joint");
+        let mut state = LoopState::new(&params).expect("sensible");
+        let snapshot = step(&params, &mut state, &mut Input::at(at(0))).snapshot;
+        let robot = "left_arm".parse().expect("a name");
+        Board::new(Vocabulary { robot, joints: Vec::new() }, Uuid::nil(), snapshot)
+    }
+
+    fn at(ms: u64) -> MonoTime {
+        MonoTime::from_nanos(1_000_000_000 + ms * 1_000_000)
+    }
+
+    fn stop(number: u128, level: StopLevel) -> LatchedStop {
+        let (stop_id, source) = (Uuid::from_u128(number), "test".to_owned());
+        LatchedStop { stop_id, source, level, reason: String::new() }
+    }
+
+    fn record(board: &mut Board, number: u128, level: StopLevel) -> (Vec<StopAck>, bool) {
+        let count = board.stop.as_ref().map_or(0, |stop| stop.gate_count) + 1;
+        record_stop(board, stop(number, level), at(10), Closing { count, raised: false })
+    }
+
+    #[test]
+    fn invariant_06_a_repetition_at_a_higher_level_raises_the_stop_and_a_lower_one_does_not() {
+        let mut board = board();
+        assert!(record(&mut board, 1, StopLevel::L2).1);
+        assert!(!record(&mut board, 1, StopLevel::L0).1, "the same stop");
+        assert!(!record(&mut board, 1, StopLevel::L1).1);
+        let latch = board.latch(at(20)).expect("latched");
+        assert_eq!((latch.level, latch.stops.len()), (StopLevel::L0, 1));
+        assert_eq!(latch.stops[0].level, StopLevel::L0);
+    }
+
+    #[test]
+    fn a_flood_of_stops_is_acknowledged_one_by_one_and_does_not_grow_for_ever() {
+        let mut board = board();
+        for number in 1..=2_000 {
+            let (acks, _) = record(&mut board, number, StopLevel::L2);
+            assert_eq!(acks[0].stop_id, Uuid::from_u128(number));
+        }
+        record(&mut board, 3_000, StopLevel::L1);
+        let latch = board.latch(at(20)).expect("latched");
+        assert_eq!((latch.level, latch.stops.len()), (StopLevel::L1, MAX_STOPS + 1));
+        let params = latch.reset_params();
+        let record = board.stop.take().expect("latched");
+        assert_eq!(board.check_reset(&record, &params, at(20)), Ok(()), "all that is listed");
+    }
+
+    #[test]
+    fn a_nonce_is_new_after_each_stop_and_stays_for_a_repetition() {
+        let mut board = board();
+        record(&mut board, 1, StopLevel::L2);
+        let nonce = |board: &Board| board.latch(at(20)).expect("latched").reset.nonce;
+        let first = nonce(&board);
+        record(&mut board, 1, StopLevel::L2);
+        assert_eq!(nonce(&board), first);
+        record(&mut board, 2, StopLevel::L2);
+        assert_ne!(nonce(&board), first);
+    }
+
+    #[test]
+    fn an_acknowledgement_is_good_for_ten_seconds_after_the_last_stop() {
+        let mut board = board();
+        board.reset_rules.zone = ResetZone::Manual;
+        record(&mut board, 1, StopLevel::L2);
+        let acknowledged =
+            |board: &Board, now| board.latch(at(now)).expect("latched").reset.acknowledged;
+        assert!(!acknowledged(&board, 20));
+        board.snapshot.acknowledged = Some(at(10));
+        assert!(!acknowledged(&board, 20), "not after the stop");
+        board.snapshot.acknowledged = Some(at(11));
+        assert!(acknowledged(&board, 20) && acknowledged(&board, 10_011));
+        assert!(!acknowledged(&board, 10_012), "too long ago");
+    }
+
+    #[test]
+    fn an_emergency_stop_that_cannot_be_seen_any_more_counts_as_pressed() {
+        let mut board = board();
+        let controller = LatchedStop { source: CONTROLLER.to_owned(), ..stop(1, StopLevel::L1) };
+        record_stop(&mut board, controller, at(10), Closing { count: 1, raised: true });
+        let params = board.latch(at(20)).expect("latched").reset_params();
+        let record = board.stop.take().expect("latched");
+        let mut check = |pressed| {
+            board.snapshot.emergency_stop = pressed;
+            board.check_reset(&record, &params, at(20)).map_err(|denial| denial.code)
+        };
+        assert_eq!(check(None), Err(DenialCode::NotReady));
+        assert_eq!(check(Some(true)), Err(DenialCode::NotReady));
+        assert_eq!(check(Some(false)), Ok(()));
+    }
 }

@@ -75,14 +75,7 @@ impl ResetOperation {
                     reset.answer.refused.push((robot, denial));
                 }
                 Some(_) => {
-                    // A signature is for its list of stops, so nothing is looked up for it.
-                    match signed.remove(&robot) {
-                        Some(params) => {
-                            let call = AgentCall::Reset(Box::new(params));
-                            reset.ask(&robot, call, RESET_TIMEOUT, outbox);
-                        }
-                        None => reset.ask(&robot, AgentCall::Status, STATUS_TIMEOUT, outbox),
-                    }
+                    reset.ask(&robot, AgentCall::Status, STATUS_TIMEOUT, outbox);
                     reset.waiting.insert(robot);
                 }
             }

@@ -146,7 +146,11 @@ impl StopOperation {
 
     /// Stops robots harder that are late.
     fn raise(&mut self, now: MonoTime, outbox: &mut Outbox) {
-        let Some(level) = self.raised.unwrap_or(self.request.level).harder() else { return };
+        let level = match self.raised.unwrap_or(self.request.level) {
+            StopLevel::L2 => StopLevel::L1,
+            StopLevel::L1 => StopLevel::L0,
+            StopLevel::L0 => return,
+        };
         self.raised = Some(level);
         let request = self.repeat_raised(outbox);
         let StopScope::Robots(late) = &request.scope else { return };

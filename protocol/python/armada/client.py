@@ -115,7 +115,10 @@ class Cell:
     def events(
         self, *, history: bool = False, timeout_s: float | None = None
     ) -> Subscription[Event]:
-        """The gateway's audit trail; with `history` also the last events before now."""
+        """The audit trail of the cell; with `history` also the last events before now.
+
+        Every robot's events and the gateway's own, in one stream with one numbering.
+        """
         return Subscription(self._inner.events(history=history, timeout_s=timeout_s))
 
     def call(self, method: methods.Method[P, A], params: P) -> A:

@@ -121,10 +121,14 @@ impl LoopState {
 
     /// Ends the stream of set-points if the controller does not follow them or must not, and
     /// begins one at the measured position if it does; see the head of [`control`](super::super).
+    ///
+    /// While the pendant has control there is none either, once the robot is at rest: it may be
+    /// moved by hand, and must not be sent back to where it stood before.
     pub(in crate::control) fn keep_stream(&mut self, tick: &mut Tick<'_>) {
         self.settle_own_motion(tick);
         let stop = self.stop.level();
-        let followed = self.condition.follows() && !self.controller_moves();
+        let pendant = self.check_local_control().is_err() && self.ramp.is_none();
+        let followed = self.condition.follows() && !self.controller_moves() && !pendant;
         let feedback = self.condition.feedback().filter(|_| followed);
         let Some(feedback) = feedback.filter(|_| stop != Some(StopLevel::L0)) else {
             self.break_off(tick);

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use armada_protocol::messages::{
     ActionStatus, AuthorityState, CommandMode, FaultCode, LeaseLoss, LeaseScope, Queue, Role,
-    StopLevel, StreamHeader,
+    StopLevel, StopStage, StreamHeader,
 };
 use uuid::Uuid;
 
@@ -235,7 +235,8 @@ fn what_may_go_on_without_its_sub_lease_keeps_it_in_sight_and_can_be_recovered()
 
 #[test]
 fn the_loss_of_the_lease_above_ends_what_moves_under_a_sub_lease() {
-    let losses: [(&str, fn(&mut Rig), ActionStatus, Refusal); 3] = [
+    type Loss = fn(&mut Rig);
+    let losses: [(&str, Loss, ActionStatus, Refusal); 3] = [
         (
             "released",
             |rig| assert!(rig.ask(Order::ReleaseLease(MAIN)).is_ok()),
@@ -382,10 +383,11 @@ fn the_pendant_ends_everything_and_nothing_resumes_after_it() {
     assert_eq!((rig.epoch(), rig.mode(), delegates(&rig)), (before + 1, Halt, Vec::new()));
     assert_eq!(changes(&rig).last(), Some(&LeaseChange::Released(MAIN)));
     rig.ticks(200);
-    let rest = rig.commands.last().copied();
+    let stood = rig.plant.position;
     rig.plant.local_control = false;
     rig.ticks(200);
-    assert_eq!((snapshot(&rig).authority, rig.commands.last().copied()), (Free, rest));
+    let sent = rig.commands.last().expect("set-points").joint_position;
+    assert_eq!((snapshot(&rig).authority, sent), (Free, stood), "it stays where it is");
     let told = |local| rig.events.iter().filter(|e| **e == LoopEvent::LocalControl(local)).count();
     assert_eq!((told(true), told(false)), (1, 1));
     assert_eq!(rig.ask(renew(MAIN)), Err(Refusal::LeaseStale));
@@ -427,6 +429,7 @@ fn while_the_pendant_has_control_only_what_ends_motion_is_granted() {
             .contains(armada_protocol::messages::RobotFlags::ESTOP_SOFTWARE)
     );
     assert_eq!(snapshot(&rig).authority, Local, "before everything else");
+    rig.until("standstill", |rig| rig.stages().contains(&StopStage::Standstill));
     rig.plant.local_control = false;
     rig.tick();
     assert_eq!(snapshot(&rig).authority, Inhibited);
@@ -450,6 +453,29 @@ fn a_controller_that_ceases_to_take_commands_for_its_pendant_has_no_fault() {
     assert_eq!(sent, joints([0.7, 0.2, 0.0]));
     rig.ticks(50);
     assert_eq!(rig.fault_codes(), []);
+}
+
+#[test]
+fn a_robot_that_was_moved_by_hand_is_not_sent_back_when_the_pendant_gives_control_back() {
+    let mut rig = shared(Jog);
+    rig.ask_under(MAIN, jog(1, [1.5, 0.0, 0.0])).expect("the holder may");
+    rig.ticks(20);
+    rig.plant.local_control = true;
+    rig.tick();
+    assert!(rig.last.as_ref().expect("a tick").command.is_some(), "a ramp first");
+    rig.until("the end of the ramp", |rig| {
+        rig.last.as_ref().is_some_and(|output| output.command.is_none())
+    });
+    rig.ticks(20);
+    rig.plant.position = joints([-0.4, 0.3, 0.1]);
+    rig.ticks(20);
+    assert_eq!(rig.last.as_ref().expect("a tick").command, None, "it is the pendant's");
+    rig.plant.local_control = false;
+    rig.tick();
+    let sent = rig.commands.last().expect("set-points").joint_position;
+    assert_eq!(sent, joints([-0.4, 0.3, 0.1]));
+    rig.ticks(50);
+    assert_eq!((rig.fault_codes(), rig.mode()), (Vec::<FaultCode>::new(), Halt));
 }
 
 #[test]

@@ -114,7 +114,10 @@ class Cell:
     def events(
         self, *, history: bool = False, timeout_s: float | None = None
     ) -> Subscription[Event]:
-        """The gateway's audit trail; with `history` also the last events before now."""
+        """The audit trail of the cell; with `history` also the last events before now.
+
+        Every robot's events and the gateway's own, in one stream with one numbering.
+        """
         key = keys.CELL_EVENTS.any()
         return Subscription(self._bus, key, Event, 1024, timeout_s, recover=True, history=history)
 
