@@ -3,10 +3,12 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help run test build tools python format lint rust docs python-test keys clean
+.PHONY: help run test soak build tools python format lint rust docs python-test keys clean
 
 CELL ?= config/cells/dual_arm.yaml
 DEMO ?= config/motions/handover.json
+MINUTES ?= 5
+SEED ?= 1
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 PACKAGE := protocol/python
@@ -14,6 +16,7 @@ PACKAGE := protocol/python
 help:
 	@echo "make run    set up, build, start the default cell and move it (Ctrl-C ends it)"
 	@echo "make test   set up, run every check and test"
+	@echo "make soak   two arms, with failures at random for MINUTES=5 from SEED=1 (Linux, root)"
 	@echo "make keys   write protocol/KEYS.md and protocol/keys.json from the tables"
 
 run: build
@@ -60,6 +63,11 @@ rust: tools python
 	  cargo test -p armada-tests -- --test-threads=1; \
 	fi
 	cargo test --workspace --doc
+
+# Built with the whole workspace, the program that it starts with it.
+soak: tools
+	cargo build --release --workspace --bins --examples
+	target/release/examples/soak --minutes $(MINUTES) --seed $(SEED)
 
 docs: tools
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps

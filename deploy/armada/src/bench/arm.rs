@@ -67,9 +67,17 @@ pub(super) struct Arm {
 impl Arm {
     /// Starts the agent of a controller; it stands in mode `trajectory`.
     pub(super) async fn start(controller: &Controller) -> anyhow::Result<Self> {
+        Self::start_linked(controller, Vec::new()).await
+    }
+
+    /// The same, with links to the agents that listen on these endpoints.
+    pub(super) async fn start_linked(
+        controller: &Controller,
+        others: Vec<String>,
+    ) -> anyhow::Result<Self> {
         let endpoint = robot_file::free_endpoint()?;
-        let part =
-            Part::Agent { robots: vec![controller.file.clone()], endpoint: endpoint.clone() };
+        let robots = vec![controller.file.clone()];
+        let part = Part::Agent { robots, endpoint: endpoint.clone(), connect: others };
         let agent = Child::start(&part).await?;
         let client = connect(vec![endpoint.clone()]).await?;
         let arm = Self { agent, client, name: controller.name.clone(), endpoint };

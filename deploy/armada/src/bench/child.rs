@@ -4,6 +4,7 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
+use rustix::process::{Pid, Signal, kill_process};
 use serde::de::DeserializeOwned;
 use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader, Lines};
 use tokio::process::{ChildStdin, ChildStdout, Command};
@@ -51,6 +52,21 @@ impl Child {
         self.asks.write_all(line.as_bytes()).await?;
         let busy = if let Ask::Wakes(time) = ask { time } else { Duration::ZERO };
         self.answer(PATIENCE + busy).await
+    }
+
+    /// Stops it where it is, as a machine that hangs; [`Self::thaw`] lets it go on.
+    pub(super) fn freeze(&self) -> anyhow::Result<()> {
+        self.signal(Signal::STOP)
+    }
+
+    /// Lets it go on.
+    pub(super) fn thaw(&self) -> anyhow::Result<()> {
+        self.signal(Signal::CONT)
+    }
+
+    fn signal(&self, signal: Signal) -> anyhow::Result<()> {
+        let pid = self.process.id().and_then(|pid| Pid::from_raw(i32::try_from(pid).ok()?));
+        Ok(kill_process(pid.context("the process has ended")?, signal)?)
     }
 
     /// Ends the process and waits for its end.

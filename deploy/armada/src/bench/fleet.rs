@@ -51,7 +51,7 @@ impl Fleet {
         let robots = robot_file::write_fleet(folder, spec, arms)?;
         let emulators = Child::start(&Part::Emulator { robots: robots.clone() }).await?;
         let endpoint = free_endpoint()?;
-        let part = Part::Agent { robots, endpoint: endpoint.clone() };
+        let part = Part::Agent { robots, endpoint: endpoint.clone(), connect: Vec::new() };
         let agent = Child::start(&part).await?;
         let client = connect(vec![endpoint]).await?;
         let enabled = timeout(PATIENCE, wait_until_enabled(&client, arms)).await;

@@ -1,7 +1,7 @@
 //! `armada bench`: how well this machine keeps time, and what Armada adds to what it is built on.
 //!
 //! ```text
-//! measurements  loop_period latency stop accept cpu scale step motion original
+//! measurements  loop_period latency stop group lease accept cpu scale step motion original
 //!    |                                                  one file or folder each
 //!    | use       arm (emulator + agent + client)   fleet (many arms)   raw (the reference)
 //!    | start     child --asks over stdin--> part (this program, another process)
@@ -21,7 +21,10 @@ mod child;
 mod cpu;
 mod figures;
 mod fleet;
+mod flood;
+mod group;
 mod latency;
+mod lease;
 mod loop_period;
 mod machine;
 mod motion;
@@ -55,6 +58,9 @@ use report::Report;
   armada bench loop --load             the same with every core kept busy
   armada bench latency --json          state, from the agent to a subscriber
   armada bench stop --rounds 20        cell/stop to standstill of two moving arms
+  armada bench stop --arms 16 --flood 10000    the same of sixteen that are flooded
+  armada bench group                   two arms on a common path, and when one is lost
+  armada bench lease                   take_lease to the holder's loss
   armada bench scale                   arms in one agent, until half of the periods are missed
   armada bench original                everything beside the original abstract robot
   armada bench motion                  kinematics, against pinocchio where it is installed
@@ -75,6 +81,10 @@ enum What {
     Latency(latency::LatencyArgs),
     /// A stop of two moving arms, against a bare Zenoh query and reply
     Stop(stop::StopArgs),
+    /// Arms on a common path: how close they keep, and how soon one stops when another is lost
+    Group(group::GroupArgs),
+    /// A robot that is taken from its holder, against a bare Zenoh query and reply
+    Lease(lease::LeaseArgs),
     /// One step of the control loop, with its allocations
     Step(step::StepArgs),
     /// Acceptance of a long trajectory, against a bare Zenoh query of equal size
@@ -155,6 +165,8 @@ pub(crate) async fn run(args: BenchArgs) -> anyhow::Result<Exit> {
         What::Loop(args) => (args.common.json, or_signal(loop_period::measure(args)).await?),
         What::Latency(args) => (args.common.json, or_signal(latency::measure(args)).await?),
         What::Stop(args) => (args.common.json, or_signal(stop::measure(args)).await?),
+        What::Group(args) => (args.common.json, or_signal(group::measure(args)).await?),
+        What::Lease(args) => (args.common.json, or_signal(lease::measure(args)).await?),
         What::Step(args) => (args.json, Some(step::measure(&args)?)),
         What::Accept(args) => (args.common.json, or_signal(accept::measure(args)).await?),
         What::Motion(args) => (args.json, or_signal(motion::measure(args)).await?),

@@ -5,15 +5,19 @@ use std::fmt;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use armada_agent::config::{RealtimeConfig, RobotConfig};
 use armada_agent::runtime::{Agent, AgentOptions, Emulation, WakeReader, wake_log};
+use armada_protocol::RobotName;
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 use tokio::io::{AsyncBufReadExt as _, BufReader};
 
+use super::flood::Flood;
 use super::raw;
 use super::wakes::{BareLoop, Regularity};
 use crate::output::Output;
@@ -37,6 +41,17 @@ pub(super) enum Part {
         robots: Vec<PathBuf>,
         /// Zenoh endpoint to listen on.
         endpoint: String,
+        /// Zenoh endpoints of other agents to dial.
+        connect: Vec<String>,
+    },
+    /// Somebody who sends to robots what they do not want.
+    Flood {
+        /// Zenoh endpoints of the agents.
+        endpoints: Vec<String>,
+        /// The robots.
+        robots: Vec<RobotName>,
+        /// Messages a second, to all robots together.
+        rate_hz: u32,
     },
     /// Loops that do nothing.
     BareLoops {
@@ -77,6 +92,7 @@ impl fmt::Display for Part {
         match self {
             Self::Emulator { robots } => write!(f, "emulators of {} robots", robots.len()),
             Self::Agent { robots, .. } => write!(f, "agent of {} robots", robots.len()),
+            Self::Flood { rate_hz, .. } => write!(f, "flood of {rate_hz} messages a second"),
             Self::BareLoops { loops, .. } => write!(f, "{loops} bare loops"),
             Self::RawState { .. } => f.write_str("raw publisher"),
             Self::RawReply { .. } => f.write_str("raw answerer"),
@@ -107,6 +123,16 @@ pub(super) enum Ask {
     CpuTime,
     /// The [`Regularity`] of its loops over this time from now.
     Wakes(Duration),
+    /// How many messages it has sent.
+    Sent,
+}
+
+/// What a process can tell besides its processor time.
+enum Source {
+    Nothing,
+    /// Of loops of this period.
+    Wakes(Vec<WakeReader>, Duration),
+    Sent(Arc<AtomicU64>),
 }
 
 /// Is `part` until standard input ends.
@@ -116,9 +142,13 @@ pub(super) async fn run(part: Part) -> anyhow::Result<()> {
             let emulations: anyhow::Result<Vec<_>> =
                 robots.iter().map(|robot| emulate(robot)).collect();
             let _emulations = emulations?;
-            serve(Ready::default(), None).await
+            serve(Ready::default(), Source::Nothing).await
         }
-        Part::Agent { robots, endpoint } => serve_agent(robots, endpoint).await,
+        Part::Agent { robots, endpoint, connect } => serve_agent(robots, endpoint, connect).await,
+        Part::Flood { endpoints, robots, rate_hz } => {
+            let flood = Flood::start(endpoints, &robots, rate_hz).await?;
+            serve(Ready::default(), Source::Sent(flood.sent())).await
+        }
         Part::BareLoops { loops, period, priority } => {
             let (mut bare, mut readers, mut ready) = (Vec::new(), Vec::new(), Ready::default());
             for _ in 0..loops {
@@ -128,15 +158,15 @@ pub(super) async fn run(part: Part) -> anyhow::Result<()> {
                 bare.push(one);
                 readers.push(reader);
             }
-            serve(ready, Some((readers, period))).await
+            serve(ready, Source::Wakes(readers, period)).await
         }
         Part::RawState { period, priority, endpoint, bytes } => {
             let bare = raw::publish(&endpoint, period, priority, bytes).await?;
-            serve(Ready { scheduling: bare.scheduling.clone() }, None).await
+            serve(Ready { scheduling: bare.scheduling.clone() }, Source::Nothing).await
         }
         Part::RawReply { endpoint, bytes } => {
             let _queryable = raw::reply(&endpoint, bytes).await?;
-            serve(Ready::default(), None).await
+            serve(Ready::default(), Source::Nothing).await
         }
         Part::Busy { threads } => {
             for _ in 0..threads {
@@ -146,7 +176,7 @@ pub(super) async fn run(part: Part) -> anyhow::Result<()> {
                     }
                 })?;
             }
-            serve(Ready::default(), None).await
+            serve(Ready::default(), Source::Nothing).await
         }
     }
 }
@@ -162,14 +192,18 @@ fn emulate(robot: &Path) -> anyhow::Result<Emulation> {
     Ok(Emulation::start(config.driver.emulator(&setup)?, realtime)?)
 }
 
-async fn serve_agent(robots: Vec<PathBuf>, endpoint: String) -> anyhow::Result<()> {
+async fn serve_agent(
+    robots: Vec<PathBuf>,
+    endpoint: String,
+    connect: Vec<String>,
+) -> anyhow::Result<()> {
     let first = robots.first().context("no robot")?;
     let period = RobotConfig::load(first)?.control.period_ms / 1e3;
     let (logs, readers) = robots.iter().map(|_| wake_log(LOG)).unzip();
     let options = AgentOptions {
         robot_files: robots,
         listen: Some(vec![endpoint]),
-        connect: Some(Vec::new()),
+        connect: Some(connect),
         namespace: None,
         insecure_lan: false,
         state_dir: None,
@@ -177,23 +211,25 @@ async fn serve_agent(robots: Vec<PathBuf>, endpoint: String) -> anyhow::Result<(
     let agent = Agent::start_measured(options, logs).await?;
     let scheduling = agent.realtime().next().map(|(_, how)| how.to_string());
     let ready = Ready { scheduling: scheduling.unwrap_or_default() };
-    let served = serve(ready, Some((readers, Duration::from_secs_f64(period)))).await;
+    let source = Source::Wakes(readers, Duration::from_secs_f64(period));
+    let served = serve(ready, source).await;
     agent.shut_down().await;
     served
 }
 
 /// Says that the process is ready and answers until standard input ends.
-async fn serve(ready: Ready, mut wakes: Option<(Vec<WakeReader>, Duration)>) -> anyhow::Result<()> {
+async fn serve(ready: Ready, mut source: Source) -> anyhow::Result<()> {
     let output = Output::new(true);
     output.json_line(&ready)?;
     let mut asks = BufReader::new(tokio::io::stdin()).lines();
     while let Some(line) = asks.next_line().await? {
-        match serde_json::from_str(&line)? {
-            Ask::CpuTime => output.json_line(&cpu_time())?,
-            Ask::Wakes(time) => {
-                let (readers, period) = wakes.as_mut().context("this part has no loop")?;
+        match (serde_json::from_str(&line)?, &mut source) {
+            (Ask::CpuTime, _) => output.json_line(&cpu_time())?,
+            (Ask::Wakes(time), Source::Wakes(readers, period)) => {
                 output.json_line(&collect(readers, *period, time).await)?;
             }
+            (Ask::Sent, Source::Sent(sent)) => output.json_line(&sent.load(Ordering::Relaxed))?,
+            (ask, _) => bail!("this part cannot tell {ask:?}"),
         }
     }
     Ok(())

@@ -1,0 +1,371 @@
+//! What the rows share: a cell on hosts, motions from wherever the arms are, and what was seen.
+
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+use armada_model::{JointTrajectory, JointVector, MonoTime, Waypoint};
+use armada_protocol::RobotName;
+use armada_protocol::client::{Client, ClientError, Subscription};
+use armada_protocol::keys;
+use armada_protocol::messages::*;
+use armada_protocol::method::robot::{
+    Enable, ExecuteTrajectory, Halt, Reset, ResetErrors, SetMode,
+};
+use armada_protocol::method::{Method, cell};
+use armada_tests::{NetCell, NetCellOptions, Network, wait_for};
+use uuid::Uuid;
+
+/// Period of the control loops.
+pub(crate) const PERIOD: Duration = Duration::from_millis(2);
+/// Silence of a partner after which a group stops.
+pub(crate) const LOSS: Duration = Duration::from_millis(60);
+/// What is added to every bound: control loops that a busy machine runs late. Bounds are taken
+/// between stamps of control loops, which are scheduled before everything else.
+pub(crate) const RESERVE: Duration = Duration::from_millis(60);
+/// How long anything may take to be seen on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// Acceleration limit of every joint of the arms \[rad/s²\].
+const ACCELERATION: f64 = 5.0;
+
+/// A cell on hosts, with somebody who watches it from the client's host.
+pub(crate) struct Bed {
+    pub(crate) cell: NetCell,
+    pub(crate) client: Client,
+    pub(crate) left: RobotName,
+    pub(crate) right: RobotName,
+}
+
+impl Bed {
+    pub(crate) async fn start(network: Network, options: NetCellOptions) -> Result<Self> {
+        let cell = NetCell::start(network, options).await?;
+        let client = cell.client().await?;
+        Ok(Self { cell, client, left: "left_arm".parse()?, right: "right_arm".parse()? })
+    }
+
+    pub(crate) fn robots(&self) -> [&RobotName; 2] {
+        [&self.left, &self.right]
+    }
+
+    /// Turns the first joint of both arms by `angle_rad`, back and forth by turns.
+    pub(crate) async fn both(&self, angle_rad: f64, duration_s: f64) -> Result<JointTrajectory> {
+        let (mut joint_names, mut start, mut goal) = (Vec::new(), Vec::new(), Vec::new());
+        for robot in self.robots() {
+            let arm = self.one(robot, angle_rad, duration_s).await?;
+            joint_names.extend(arm.joint_names.iter().map(|joint| format!("{robot}/{joint}")));
+            start.extend(&arm.waypoints[0].joint_position);
+            goal.extend(&arm.waypoints[1].joint_position);
+        }
+        Ok(between(joint_names, start, goal, duration_s))
+    }
+
+    /// Turns the first joint of an arm by `angle_rad`, back and forth by turns.
+    pub(crate) async fn one(
+        &self,
+        robot: &RobotName,
+        angle_rad: f64,
+        duration_s: f64,
+    ) -> Result<JointTrajectory> {
+        let start = self.position(robot).await?.to_vec();
+        let joints = self.client.robot_info(robot).await?.joints;
+        let joint_names = joints.into_iter().map(|joint| joint.name).collect();
+        let mut goal = start.clone();
+        goal[0] += if goal[0] > 0.0 { -angle_rad } else { angle_rad };
+        Ok(between(joint_names, start, goal, duration_s))
+    }
+
+    /// Where an arm that stands is told to be.
+    async fn position(&self, robot: &RobotName) -> Result<JointVector> {
+        let mut watch = Watch::of(&self.client, robot).await?;
+        let stands = |state: &RobotState| {
+            !is_commanded(state) && !state.joint_position_command_rad.is_empty()
+        };
+        let state = watch.state_when("it stands", |_| true, stands).await?;
+        Ok(state.joint_position_command_rad)
+    }
+
+    /// Starts a motion of both arms.
+    pub(crate) async fn move_both(&self, coupling: Coupling, duration_s: f64) -> Result<Uuid> {
+        let trajectory = self.both(0.15 * duration_s, duration_s).await?;
+        let params =
+            CellExecuteTrajectory { coupling, ..CellExecuteTrajectory::new(None, trajectory) };
+        let accepted = until_granted("the motion", async || {
+            self.client.call_cell::<cell::ExecuteTrajectory>(params.clone()).await
+        });
+        let id = accepted.await?.motion_id;
+        self.until_moving(id).await?;
+        Ok(id)
+    }
+
+    /// Waits until both arms are well under way.
+    pub(crate) async fn until_moving(&self, id: Uuid) -> Result<()> {
+        for robot in self.robots() {
+            let look = async || {
+                let status = self.client.motion(robot, id).await.ok()?;
+                (status.elapsed_s > 0.3 || status.status.is_terminal()).then_some(status)
+            };
+            let status = wait_for("the arm moves", PATIENCE, look).await?;
+            ensure!(status.status == ActionStatus::Running, "{status:#?}");
+        }
+        Ok(())
+    }
+
+    /// How one robot's motion ended, as its agent says.
+    pub(crate) async fn end_of(&self, robot: &RobotName, id: Uuid) -> Result<MotionStatus> {
+        let look = async || {
+            let status = self.client.motion(robot, id).await.ok()?;
+            status.status.is_terminal().then_some(status)
+        };
+        wait_for("the motion ends", PATIENCE, look).await
+    }
+
+    /// Moves an arm in mode `trajectory` under a lease, from halt.
+    pub(crate) async fn move_one(
+        &self,
+        client: &Client,
+        robot: &RobotName,
+        duration_s: f64,
+        on_lease_loss: LeaseLoss,
+    ) -> Result<Uuid> {
+        client.call::<Halt>(robot, Empty {}).await?;
+        let trajectory = self.one(robot, 0.3 * duration_s, duration_s).await?;
+        let mode = SetModeParams { mode: CommandMode::Trajectory };
+        client.call::<SetMode>(robot, mode).await?;
+        let params = ExecuteTrajectoryParams {
+            on_lease_loss,
+            ..ExecuteTrajectoryParams::at_once(None, trajectory)
+        };
+        Ok(client.call::<ExecuteTrajectory>(robot, params).await?.motion_id)
+    }
+
+    /// Asks until it is granted; some things are possible a moment later only.
+    pub(crate) async fn granted<M: Method>(
+        &self,
+        robot: &RobotName,
+        params: M::Params,
+    ) -> Result<M::Answer>
+    where
+        M::Params: Clone,
+    {
+        until_granted(M::NAME, async || self.client.call::<M>(robot, params.clone()).await).await
+    }
+
+    pub(crate) async fn status_when(
+        &self,
+        robot: &RobotName,
+        what: &str,
+        condition: impl Fn(&RobotStatus) -> bool,
+    ) -> Result<RobotStatus> {
+        self.cell.status_when(&self.client, robot, what, condition).await
+    }
+
+    /// Clears the stop of an arm that nobody else holds.
+    pub(crate) async fn reset_stop(&self, robot: &RobotName) -> Result<()> {
+        let look = async || {
+            let Some(latch) = self.client.robot_status(robot).await.ok()?.stop else {
+                return Some(());
+            };
+            self.client.call::<Reset>(robot, latch.reset_params()).await.ok().map(drop)
+        };
+        let reset = wait_for("the stop is reset", PATIENCE, look).await;
+        let status = self.client.robot_status(robot).await;
+        reset.with_context(|| format!("{status:#?}"))
+    }
+
+    /// Does what a person does before work goes on: errors and stops are reset, drives are on.
+    pub(crate) async fn make_ready(&self) -> Result<()> {
+        for robot in self.robots() {
+            self.reset_stop(robot).await?;
+            let status = self.status_when(robot, "it answers", |_| true).await?;
+            if !status.faults.is_empty() {
+                self.granted::<ResetErrors>(robot, Empty {}).await?;
+            }
+            if !status.flags.contains(RobotFlags::ENABLED) {
+                self.granted::<Enable>(robot, Empty {}).await?;
+            }
+            self.granted::<Halt>(robot, Empty {}).await?;
+        }
+        Ok(())
+    }
+
+    /// Both arms do a new motion together, to its end.
+    pub(crate) async fn work_again(&self) -> Result<()> {
+        let trajectory = self.both(0.1, 0.8).await?;
+        let accepted = until_granted("a new motion", async || {
+            let params = CellExecuteTrajectory::new(None, trajectory.clone());
+            self.client.call_cell::<cell::ExecuteTrajectory>(params).await
+        });
+        let accepted = accepted.await?;
+        for robot in self.robots() {
+            let end = self.end_of(robot, accepted.motion_id).await?;
+            ensure!(end.status == ActionStatus::Complete, "{end:#?}");
+        }
+        Ok(())
+    }
+}
+
+/// The answer as soon as it is none of a refusal.
+pub(crate) async fn until_granted<T>(
+    what: &str,
+    ask: impl AsyncFn() -> Result<T, ClientError>,
+) -> Result<T> {
+    let last = std::sync::Mutex::new(None);
+    let asking = async || {
+        let asked = ask().await;
+        asked.map_err(|error| *last.lock().expect("one asks") = Some(error.to_string())).ok()
+    };
+    let granted = wait_for(what, PATIENCE, asking).await;
+    granted.with_context(|| {
+        format!("{what}: {}", last.into_inner().ok().flatten().unwrap_or_default())
+    })
+}
+
+fn between(
+    joint_names: Vec<String>,
+    start: Vec<f64>,
+    goal: Vec<f64>,
+    duration_s: f64,
+) -> JointTrajectory {
+    let waypoint = |time_from_start_s, joint_position| Waypoint {
+        time_from_start_s,
+        joint_position,
+        ..Waypoint::default()
+    };
+    JointTrajectory {
+        joint_names,
+        waypoints: vec![waypoint(0.0, start), waypoint(duration_s, goal)],
+        ..JointTrajectory::default()
+    }
+}
+
+/// What one robot has published since the watch began.
+pub(crate) struct Watch {
+    states: Subscription<RobotState>,
+    events: Subscription<Event>,
+    pub(crate) seen: Vec<RobotState>,
+    pub(crate) heard: Vec<Event>,
+}
+
+impl Watch {
+    pub(crate) async fn of(client: &Client, robot: &RobotName) -> Result<Self> {
+        Ok(Self {
+            states: client.subscribe(&keys::ROBOT_STATE.of(robot), 20_000).await?,
+            events: client.subscribe(&keys::ROBOT_EVENTS.of(robot), 1_000).await?,
+            seen: Vec::new(),
+            heard: Vec::new(),
+        })
+    }
+
+    /// Takes what has come.
+    pub(crate) fn look(&mut self) -> Result<()> {
+        while let Some((_, state)) = self.states.try_next()? {
+            self.seen.push(state);
+        }
+        while let Some((_, event)) = self.events.try_next()? {
+            self.heard.push(event);
+        }
+        Ok(())
+    }
+
+    /// The first state that fits both conditions; `since` leaves out what was before something.
+    pub(crate) async fn state_when(
+        &mut self,
+        what: &str,
+        since: impl Fn(&RobotState) -> bool,
+        condition: impl Fn(&RobotState) -> bool,
+    ) -> Result<RobotState> {
+        let mut next = 0;
+        let looking = async {
+            loop {
+                self.look()?;
+                let fits = |state: &&RobotState| since(state) && condition(state);
+                if let Some(state) = self.seen[next..].iter().find(fits) {
+                    return Ok(state.clone());
+                }
+                next = self.seen.len();
+                self.seen.push(self.states.next().await?.1);
+            }
+        };
+        let found: Result<Result<_>, _> = tokio::time::timeout(PATIENCE, looking).await;
+        found.with_context(|| format!("{what}: never; last {:#?}", self.seen.last()))?
+    }
+
+    /// The first event that fits.
+    pub(crate) async fn event_when(
+        &mut self,
+        what: &str,
+        condition: impl Fn(&Event) -> bool,
+    ) -> Result<Event> {
+        let looking = async {
+            loop {
+                self.look()?;
+                if let Some(event) = self.heard.iter().find(|event| condition(event)) {
+                    return Ok(event.clone());
+                }
+                self.heard.push(self.events.next().await?.1);
+            }
+        };
+        let found: Result<Result<_>, _> = tokio::time::timeout(PATIENCE, looking).await;
+        found.with_context(|| format!("{what}: never; heard {:#?}", self.heard))?
+    }
+
+    /// Waits until the robot is told to stand, after `from`; returns when it first was.
+    pub(crate) async fn rest(&mut self, from: MonoTime) -> Result<MonoTime> {
+        let after = |state: &RobotState| state.stamp_ns > from;
+        Ok(self.state_when("it rests", after, |state| !is_commanded(state)).await?.stamp_ns)
+    }
+
+    /// No joint was told to change its speed faster than its limit, between the states seen.
+    pub(crate) fn assert_ramped(&self) {
+        for (before, after) in self.seen.iter().zip(self.seen.iter().skip(1)) {
+            let time = after.seqno.saturating_sub(before.seqno) as f64 * PERIOD.as_secs_f64();
+            let speeds = before.joint_velocity_command_rad_s.iter();
+            for (joint, (a, b)) in speeds.zip(after.joint_velocity_command_rad_s.iter()).enumerate()
+            {
+                let most = ACCELERATION * time * 1.001 + 1e-6;
+                assert!((b - a).abs() <= most, "joint {joint}: {a} -> {b} rad/s in {time} s");
+            }
+        }
+    }
+
+    /// The robot is told to stand in every state seen after `from`, and there are some.
+    pub(crate) async fn assert_still(&mut self, from: MonoTime) -> Result<()> {
+        let later = from + Duration::from_millis(300);
+        self.state_when("time passes", |_| true, |state| state.stamp_ns > later).await?;
+        for state in self.seen.iter().filter(|state| state.stamp_ns > from) {
+            assert!(!is_commanded(state), "it moves: {state:#?}");
+        }
+        Ok(())
+    }
+}
+
+/// Whether any joint is told to move.
+pub(crate) fn is_commanded(state: &RobotState) -> bool {
+    state.joint_velocity_command_rad_s.iter().any(|speed| speed.abs() > 1e-9)
+}
+
+/// Fastest speed that a joint is told.
+pub(crate) fn speed(state: &RobotState) -> f64 {
+    state.joint_velocity_command_rad_s.iter().fold(0.0, |most, speed| speed.abs().max(most))
+}
+
+/// Asserts that `later` is at most `bound` after `earlier`, and says how long it was.
+#[expect(clippy::print_stderr, reason = "figures of a test, for whoever looks")]
+pub(crate) fn assert_within(what: &str, earlier: MonoTime, later: MonoTime, bound: Duration) {
+    let took = later.saturating_since(earlier);
+    eprintln!("{what}: {:.1} ms (bound {} ms)", took.as_secs_f64() * 1e3, bound.as_millis());
+    assert!(took <= bound + RESERVE, "{what}: {took:?}, bound {bound:?}");
+}
+
+/// How often something was dropped or refused.
+pub(crate) fn count(status: &RobotStatus, what: &str) -> u64 {
+    status.dropped.iter().find(|(name, _)| name == what).map_or(0, |(_, count)| *count)
+}
+
+/// The refusal of a call that has to be refused.
+pub(crate) fn denial<T>(result: Result<T, ClientError>) -> Denial {
+    match result {
+        Err(ClientError::Denied(denial)) => denial,
+        Err(other) => panic!("no denial: {other:#}"),
+        Ok(_) => panic!("it was granted"),
+    }
+}
