@@ -55,7 +55,8 @@ impl Pair {
         for rig in &mut rigs {
             if let Some(lease) = lease {
                 let ttl = Duration::from_millis(600);
-                rig.ask(Order::AcquireLease { lease, ttl }).expect("granted");
+                rig.ask(Order::AcquireLease { lease, ttl, role: Default::default() })
+                    .expect("granted");
             }
             let order = FollowOrder {
                 start: Some(start),
