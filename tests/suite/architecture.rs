@@ -78,7 +78,9 @@ fn code(path: &Path) -> Vec<(usize, String)> {
 }
 
 fn is_test_code(path: &Path) -> bool {
-    path.components().any(|part| part.as_os_str() == "tests")
+    // The project itself may be written as `tests/..`.
+    let ours = path.strip_prefix(project()).unwrap_or(path);
+    ours.components().any(|part| part.as_os_str() == "tests")
         || path.file_name().is_some_and(|name| name == "tests.rs")
 }
 

@@ -379,7 +379,7 @@ fn what_is_not_known_is_answered_with_what_is() {
     assert_eq!(
         error_of("robot: arm", "robots: arm"),
         "arm.yaml:1:1: unknown field `robots`, expected one of robot, uuid, model, serial, urdf, \
-         joints, chains, tools, mount, control, publish, recorder, zenoh, driver\n    1 | robots: arm\n      | ^"
+         joints, chains, tools, mount, control, stop, publish, recorder, zenoh, driver\n    1 | robots: arm\n      | ^"
     );
     let message = error_of("  sim: {", "  abb: {");
     let vendors = VENDORS.join(", ");

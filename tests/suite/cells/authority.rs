@@ -123,7 +123,7 @@ async fn a_person_takes_a_robot_from_a_program_and_everybody_is_told_why() -> Re
     let client = cell.client().await?;
     let keeper = client.acquire_lease(&"left_arm".parse()?, Duration::from_secs(1)).await?;
     let printed = ends_with(&cell, 1, &["why", "left_arm"])?;
-    assert!(printed.contains("driven by test (program)"), "{printed}");
+    assert!(printed.contains("driven by test for another"), "{printed}");
     let take = ["lease", "take", "left_arm", "--role", "operator", "--reason", "planner hangs"];
     let holding = Holding::start(&cell, &take, 1).await?;
     tokio::time::timeout(DEADLINE, keeper.lost()).await?;

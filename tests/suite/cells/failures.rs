@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use anyhow::Result;
 use armada_protocol::client::StopOptions;
-use armada_protocol::messages::{ActionStatus, CellVerdict, Presence, RobotState, StopVerdict};
+use armada_protocol::messages::{
+    ActionStatus, CellVerdict, DenialCode, Presence, RobotState, StopVerdict,
+};
 use armada_tests::{Cell, CellOptions, DEADLINE, kill, wait_for};
 
 use crate::support::{both_arms, execute, motion_when, stop_request};
@@ -29,8 +31,12 @@ async fn an_agent_that_dies_is_reported_and_its_partner_stops() -> Result<()> {
     assert_eq!(end.status, ActionStatus::Failed, "{end:#?}");
     let right = "right_arm".parse()?;
     let part = client.motion(&right, motion).await?;
-    assert_eq!(part.status, ActionStatus::Cancelled, "{part:#?}");
+    // The partner's agent noticed it by itself.
+    assert_eq!(part.status, ActionStatus::Failed, "{part:#?}");
     assert!(part.elapsed_s < 6.0);
+    let reason = part.reason.expect("a reason");
+    assert_eq!(reason.code, DenialCode::CommunicationLost, "{reason}");
+    assert_eq!(reason.details["partner"], "left_arm", "{reason}");
     Ok(())
 }
 

@@ -27,7 +27,8 @@ pub(crate) struct ClearanceArgs {
     #[arg(value_name = "FILE.json", value_hint = ValueHint::FilePath)]
     file: PathBuf,
     /// How far the phases of two robots may be apart, 0 to 10000; what lies between is checked too
-    #[arg(long, value_name = "MILLISECONDS", default_value = "0", value_parser = parse_offset)]
+    #[arg(long, value_name = "MILLISECONDS", default_value = "0",
+        allow_hyphen_values = true, value_parser = parse_offset)]
     offset_ms: f64,
     #[command(flatten)]
     cell: CellArgs,

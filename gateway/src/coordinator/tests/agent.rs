@@ -300,6 +300,7 @@ impl FakeAgent {
         let mut status: MotionStatus =
             golden(include_str!("../../../../protocol/golden/motion_status.json"));
         status.id = id;
+        status.group = None;
         status.robot = self.robot.clone();
         status.boot_id = self.boot_id;
         status.seqno = 0;

@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn the_whole_screen_shows_joints_mode_motion_faults_and_the_stop() {
-        let screen = drawn(&full_model(), 86, 17, Duration::from_secs(1));
+        let screen = drawn(&full_model(), 86, 18, Duration::from_secs(1));
         let expected = [
             "┌ left_arm sim six-axis ─────────────────────────────────────────────────────────────┐",
             "│trajectory  motor on  automatic  epoch 4                                            │",

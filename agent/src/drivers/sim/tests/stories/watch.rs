@@ -149,14 +149,14 @@ impl Watch {
             self.assert_that_it_ended(&format!("{kind:?} itself"));
         }
         for what in ["paused", "paused itself", "Stream Began"] {
-            self.assert_that_it_happened(what, 50);
+            self.assert_that_it_happened(what, 20);
         }
         self.assert_that_it_happened("Stream Starved", 5);
     }
 
     fn assert_that_it_ended(&self, kind: &str) {
         for status in [ActionStatus::Complete, ActionStatus::Cancelled, ActionStatus::Failed] {
-            self.assert_that_it_happened(&format!("{kind} {status:?}"), 10);
+            self.assert_that_it_happened(&format!("{kind} {status:?}"), 5);
         }
     }
 
