@@ -278,7 +278,7 @@ mod tests {
         let mut state = LoopState::new(&params).expect("sensible");
         let snapshot = step(&params, &mut state, &mut Input::at(at(0))).snapshot;
         let robot = "left_arm".parse().expect("a name");
-        Board::new(Vocabulary { robot, joints: Vec::new() }, Uuid::nil(), snapshot)
+        Board::new(Vocabulary::new(robot, Vec::new()), Uuid::nil(), snapshot)
     }
 
     fn at(ms: u64) -> MonoTime {

@@ -2,6 +2,7 @@
 
 use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use armada_tests::{Cell, CellOptions, DEADLINE, armada, signal, wait_for};
@@ -78,18 +79,18 @@ fn ends_with(cell: &Cell, code: i32, arguments: &[&str]) -> Result<String> {
 #[tokio::test(flavor = "multi_thread")]
 async fn several_robots_are_held_all_or_none_and_commanded_under_their_leases() -> Result<()> {
     let cell = Cell::start(CellOptions::default()).await?;
-    let both = ["lease", "hold", "right_arm", "left_arm", "--role", "operator"];
+    let both = ["lease", "hold", "torso", "right_arm", "--role", "operator"];
     let holding = Holding::start(&cell, &both, 2).await?;
-    let goal = ["move", "left_arm", "--joints", "elbow_joint=1.2"];
+    let goal = ["move", "right_arm", "--joints", "elbow_joint=1.2"];
     let printed = ends_with(&cell, 1, &goal)?;
     assert!(printed.contains("lease_required"), "{printed}");
-    done(&cell, &[&goal[..], &["--lease", &holding.lease("left_arm")?]].concat())?;
-    // Somebody who wants the torso too gets none of them.
-    let printed = ends_with(&cell, 1, &["lease", "hold", "torso", "right_arm"])?;
-    assert!(printed.contains("right_arm") && printed.contains("driven by"), "{printed}");
+    done(&cell, &[&goal[..], &["--lease", &holding.lease("right_arm")?]].concat())?;
+    // Somebody who wants the torso as well gives the left arm back, which was granted first.
+    let printed = ends_with(&cell, 1, &["lease", "hold", "torso", "left_arm"])?;
+    assert!(printed.contains("torso") && printed.contains("driven by"), "{printed}");
     let shown = done(&cell, &["lease", "show"])?;
-    let torso = shown.lines().find(|line| line.starts_with("torso")).context("its line")?;
-    assert!(torso.contains("nobody"), "{shown}");
+    let left = shown.lines().find(|line| line.starts_with("left_arm")).context("its line")?;
+    assert!(left.contains("nobody"), "{shown}");
     assert_eq!(holding.end().await?, 0);
     done(&cell, &goal)?;
     Ok(())
@@ -113,5 +114,61 @@ async fn a_person_is_told_why_a_robot_does_not_move_and_what_to_do() -> Result<(
     // A robot that is not there does not move either.
     let printed = ends_with(&cell, 1, &["why", "lift"])?;
     assert!(printed.contains("lift does not move: nobody answers"), "{printed}");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_person_takes_a_robot_from_a_program_and_everybody_is_told_why() -> Result<()> {
+    let cell = Cell::start(CellOptions::default()).await?;
+    let client = cell.client().await?;
+    let keeper = client.acquire_lease(&"left_arm".parse()?, Duration::from_secs(1)).await?;
+    let printed = ends_with(&cell, 1, &["why", "left_arm"])?;
+    assert!(printed.contains("driven by test (program)"), "{printed}");
+    let take = ["lease", "take", "left_arm", "--role", "operator", "--reason", "planner hangs"];
+    let holding = Holding::start(&cell, &take, 1).await?;
+    tokio::time::timeout(DEADLINE, keeper.lost()).await?;
+    let shown = done(&cell, &["lease", "show", "left_arm"])?;
+    assert!(shown.contains("operator") && shown.contains("took it: planner hangs"), "{shown}");
+    let (status, _) = cell.run(&["status"])?;
+    assert!(status.contains("(operator)"), "{status}");
+    // What is taken is held as any other lease.
+    let goal = ["move", "left_arm", "--joints", "elbow_joint=1.2"];
+    let printed = ends_with(&cell, 1, &goal)?;
+    assert!(printed.contains("operator"), "{printed}");
+    done(&cell, &[&goal[..], &["--lease", &holding.lease("left_arm")?]].concat())?;
+    assert_eq!(holding.end().await?, 0);
+    done(&cell, &["why", "left_arm"])?;
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lower_role_takes_nothing_from_a_higher_one() -> Result<()> {
+    let cell = Cell::start(CellOptions::default()).await?;
+    let hold = ["lease", "hold", "left_arm", "--role", "supervisor"];
+    let holding = Holding::start(&cell, &hold, 1).await?;
+    let take = ["lease", "take", "left_arm", "--role", "operator", "--reason", "mine"];
+    let printed = ends_with(&cell, 1, &take)?;
+    assert!(printed.contains("supervisor"), "{printed}");
+    assert_eq!(holding.end().await?, 0);
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_holder_lets_somebody_set_signals_but_not_move() -> Result<()> {
+    let cell = Cell::start(CellOptions::default()).await?;
+    let mut holding = Holding::start(&cell, &["lease", "hold", "left_arm"], 1).await?;
+    let lease = holding.lease("left_arm")?;
+    let to = ["lease", "delegate", "left_arm", "--to", "lamp-ui", "--scope", "io"];
+    let mut delegated = Holding::start(&cell, &[&to[..], &["--lease", &lease]].concat(), 1).await?;
+    let sub = delegated.lease("left_arm")?;
+    done(&cell, &["signal", "set", "left_arm", "DO1", "true", "--lease", &sub])?;
+    let goal = ["move", "left_arm", "--joints", "elbow_joint=1.2"];
+    ends_with(&cell, 1, &[&goal[..], &["--lease", &sub]].concat())?;
+    let shown = done(&cell, &["lease", "show", "left_arm"])?;
+    assert!(shown.contains("lamp-ui (io)"), "{shown}");
+    // With the holder's lease goes what was delegated under it.
+    signal(holding.child.id(), Signal::INT)?;
+    assert_eq!(holding.code().await?, 0);
+    assert_eq!(delegated.code().await?, 1);
     Ok(())
 }

@@ -14,3 +14,4 @@ mod on_the_way;
 mod python;
 mod starting;
 mod support;
+mod together;

@@ -13,12 +13,14 @@ const STOPS: u32 = 24;
 const CHANGES: u32 = 8;
 /// Changes of the rate that are tried \[1/s\], fastest first.
 const SLOPES: [f64; 6] = [4.0, 2.8, 2.0, 1.4, 1.0, 0.5];
-/// How far a robot may be from where the common rate would have it \[s\].
-const ASTRAY_S: f64 = 0.004;
+/// How far a robot may be from one that follows the common rate exactly \[s\].
+const ASTRAY_S: f64 = 0.008;
 /// Tick of the look \[s\].
 const TICK_S: f64 = 0.004;
 /// Times at which the travel from the start is looked at.
 const LOOKS: u32 = 12;
+/// How much faster than the common rate a robot has to be able to change its own.
+const CATCH_UP: f64 = 2.0;
 /// Longest stretch that is suggested.
 const MAX_STRETCH: f64 = 64.0;
 
@@ -96,13 +98,14 @@ impl StartTravel {
 }
 
 /// How many times longer `trajectory` has to take for a change of the rate of `slope` \[1/s\] to be
-/// legal everywhere, by bounds of its derivatives.
+/// legal everywhere, by bounds of its derivatives, with room to catch up.
 #[must_use]
 pub fn stretch_for_slope(
     trajectory: &CompiledTrajectory,
     limits: &MotionLimits,
     slope: f64,
 ) -> f64 {
+    let slope = CATCH_UP * slope;
     let mut bounds = CurveBounds::EMPTY;
     trajectory.bounds(0.0, trajectory.duration_s(), &mut 0, &mut bounds);
     least_stretch(|stretch| {
@@ -134,16 +137,16 @@ fn follows(
     slope: f64,
 ) -> Result<bool, OnPathError> {
     let mut path = OnPath::join(trajectory, limits, from_s)?;
-    let mut pace = Pace::at(1.0);
+    let (mut pace, mut ideal) = (Pace::at(1.0), Pace::at(1.0));
+    let mut ideal_s = path.phase_s();
     let ticks = (1.0 / slope / TICK_S).ceil() as u32 + 50;
     for target in [0.0, 1.0] {
-        // The phase that a robot without limits would have.
-        let mut ideal_s = path.phase_s();
         for _ in 0..ticks {
             pace.follow(target, from_s, path.phase_s(), (slope, TICK_S));
             path.set_speed_ratio(pace.rate())?;
             path.tick(trajectory, TICK_S);
-            ideal_s += pace.rate() * TICK_S;
+            ideal.follow(target, from_s, ideal_s, (slope, TICK_S));
+            ideal_s += ideal.rate() * TICK_S;
             if path.is_finished() {
                 return Ok(true);
             }

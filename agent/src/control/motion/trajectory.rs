@@ -23,6 +23,7 @@
 //! planned when the order is taken and begun early enough that clock zero falls on the instant:
 //! robots that start together do so, whatever small distance each had to go. If there is no
 //! time for it, or the tick comes more than a period late, the start is missed and nothing moves.
+//! With partners that wait for each other it may be as late as their phases may be apart.
 //!
 //! The last set-point is the last waypoint, bit for bit; then the motion is complete, and the
 //! position is held.
@@ -31,6 +32,7 @@ mod changeover;
 mod opening;
 
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionState, OnPath};
 use armada_protocol::messages::{Coupling, MotionKind, ReducedLimits};
@@ -60,6 +62,8 @@ pub(in crate::control) struct TrajectoryMotion {
     held: bool,
     /// How closely it is tied to its partners, if it has any.
     coupling: Option<Coupling>,
+    /// How late it may start.
+    patience: Duration,
     hint: usize,
     waypoint: usize,
     /// Places at which a way into the next trajectory was looked for.
@@ -115,6 +119,7 @@ impl TrajectoryMotion {
             paused: false,
             held: false,
             coupling: None,
+            patience: Duration::ZERO,
             hint: 0,
             waypoint: 0,
             attempts: 0,

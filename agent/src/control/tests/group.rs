@@ -24,7 +24,8 @@ fn path() -> Arc<CompiledTrajectory> {
 
 /// Two robots, and whether the one hears the other.
 struct Pair {
-    rigs: [Rig; 2],
+    /// Boxed, since two loops are large for a test's stack.
+    rigs: [Box<Rig>; 2],
     /// Whether what a robot says arrives.
     heard: [bool; 2],
 }
@@ -46,7 +47,7 @@ impl Pair {
         lease: Option<Uuid>,
         before: impl Fn(usize, &mut Rig),
     ) -> Self {
-        let mut rigs = [0, 1].map(|_| Rig::in_mode(CommandMode::Trajectory));
+        let mut rigs = [0, 1].map(|_| Box::new(Rig::in_mode(CommandMode::Trajectory)));
         for (index, rig) in rigs.iter_mut().enumerate() {
             before(index, rig);
         }
@@ -54,7 +55,8 @@ impl Pair {
         for rig in &mut rigs {
             if let Some(lease) = lease {
                 let ttl = Duration::from_millis(600);
-                rig.ask(Order::AcquireLease { lease, ttl }).expect("granted");
+                rig.ask(Order::AcquireLease { lease, ttl, role: Default::default() })
+                    .expect("granted");
             }
             let order = FollowOrder {
                 start: Some(start),
@@ -125,7 +127,7 @@ impl Pair {
     }
 
     fn rest(&self) -> bool {
-        self.rigs.iter().all(Rig::command_rests)
+        self.rigs.iter().all(|rig| rig.command_rests())
     }
 }
 
@@ -171,6 +173,21 @@ fn two_loops_start_at_one_tick_and_end_at_their_exact_ends() {
         });
         assert!(over, "nothing is said any more");
     }
+}
+
+#[test]
+fn a_loop_that_is_late_at_the_start_is_waited_for() {
+    let mut pair = Pair::committed(TimeSynced);
+    pair.ticks(22);
+    for _ in 0..7 {
+        pair.tick_one(1, 1);
+    }
+    pair.tick_one(0, 8);
+    pair.tick_one(1, 1);
+    let ends = pair.end();
+    assert!(ends.iter().all(|end| end.status == Complete), "{ends:?}");
+    let apart_ms = ends[1].group.expect("partners").max_divergence_ms;
+    assert!((10.0..40.0).contains(&apart_ms), "{apart_ms}");
 }
 
 #[test]

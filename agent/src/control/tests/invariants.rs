@@ -36,7 +36,7 @@ fn invariant_03_a_stop_is_taken_in_every_mode_under_a_lease_with_a_fault_and_on_
         for mode in [Halt, Jog, Trajectory, PositionCommand, VelocityCommand] {
             let mut rig = Rig::in_mode(mode);
             let (lease, ttl) = (Uuid::from_u128(7), Duration::from_secs(10));
-            rig.ask(Order::AcquireLease { lease, ttl }).expect("free");
+            rig.ask(Order::AcquireLease { lease, ttl, role: Default::default() }).expect("free");
             rig.stop = Some(level);
             rig.tick();
             assert_eq!(rig.stages(), [Commanded], "{mode:?} {level:?}");
@@ -98,7 +98,7 @@ fn invariant_05_no_way_to_move_is_open_while_a_stop_is_latched() {
                 Order::SetMode(PositionCommand),
                 Order::SetMode(VelocityCommand),
                 Order::Enable,
-                Order::AcquireLease { lease, ttl },
+                Order::AcquireLease { lease, ttl, role: Default::default() },
             ];
             for order in ways {
                 let what = format!("{order:?}");

@@ -107,12 +107,10 @@ proptest! {
             };
             (0..copies).map(|_| Duration::from_millis(dice.below(network.delay_ms + 1))).collect()
         };
-        let mut ticks = 0;
         let mut blows = blows.into_iter();
         let (mut next, mut first_end) = (blows.next(), None);
-        for _ in 0..1500 {
+        for ticks in 1..=1500_u32 {
             world.tick(&mut fate);
-            ticks += 1;
             while let Some((after, blow)) = next.filter(|(after, _)| *after <= ticks) {
                 let _ = after;
                 strike(&mut world, blow);

@@ -67,7 +67,9 @@ impl TrajectoryMotion {
         let leg = Leg::new(Arc::clone(&order.trajectory));
         let opening = Opening::Planned(lead_in);
         let coupling = order.group.map(|group| group.coupling);
-        Ok(Self { start: order.start, opening, coupling, ..Self::on(leg, order.kind, speed) })
+        let (start, patience) = (order.start, patience(order, period));
+        let motion = Self::on(leg, order.kind, speed);
+        Ok(Self { start, patience, opening, coupling, ..motion })
     }
 
     /// To be begun when the robot stands, from wherever that is.
@@ -113,15 +115,21 @@ impl TrajectoryMotion {
         if let Some(state) = lead_in.as_mut().and_then(|lead_in| lead_in.next(period)) {
             return Some(Next::Approaching(state));
         }
-        let missed = self.start.and_then(|start| check_in_time(start, now, period).err());
+        let missed = self.start.and_then(|start| check_in_time(start, now, self.patience).err());
         missed.map(|late_s| Next::Failed(Refusal::StartMissed { late_s }))
     }
 }
 
+/// How late a start may be: those ahead of it wait, if it has partners.
+fn patience(order: &FollowOrder, period: Duration) -> Duration {
+    let apart_s = order.group.map_or(0.0, |group| group.max_divergence_s);
+    Duration::try_from_secs_f64(apart_s).unwrap_or_default().max(period)
+}
+
 /// How late \[s\] a start at `now` would be for `start`, if that is too late.
-fn check_in_time(start: MonoTime, now: MonoTime, period: Duration) -> Result<(), f64> {
+fn check_in_time(start: MonoTime, now: MonoTime, patience: Duration) -> Result<(), f64> {
     let late = now.saturating_since(start);
-    if late > period { Err(late.as_secs_f64()) } else { Ok(()) }
+    if late > patience { Err(late.as_secs_f64()) } else { Ok(()) }
 }
 
 pub(in crate::control::motion) fn check_near(

@@ -44,6 +44,7 @@ fn run(pair: &mut Pair, params: &Params, state: &mut LoopState, ticks: u32) -> V
             loop_error: false,
             requests: ArrayVec::new(),
             stream: ArrayVec::new(),
+            group: ArrayVec::new(),
         };
         let output = step(params, state, &mut input);
         let faults = output.events.iter().filter(|event| format!("{event:?}").contains("Fault"));
