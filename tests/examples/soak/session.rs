@@ -112,7 +112,7 @@ impl Soak {
         let robots = self.bed.robots().into_iter().cloned();
         let leases: BTreeMap<RobotName, Uuid> =
             robots.zip(keepers.iter().map(LeaseKeeper::lease)).collect();
-        let trajectory = self.bed.both(0.15 * MOTION_S, MOTION_S).await?;
+        let trajectory = self.bed.both(0.1 * MOTION_S, MOTION_S).await?;
         let accepted = until_granted("the motion", async || {
             let params = CellExecuteTrajectory {
                 leases: leases.clone(),

@@ -22,6 +22,8 @@ pub(crate) const LOSS: Duration = Duration::from_millis(60);
 /// What is added to every bound: control loops that a busy machine runs late. Bounds are taken
 /// between stamps of control loops, which are scheduled before everything else.
 pub(crate) const RESERVE: Duration = Duration::from_millis(60);
+/// Longest ramp to rest in these rows.
+const RAMP: Duration = Duration::from_millis(150);
 /// How long anything may take to be seen on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Acceleration limit of every joint of the arms \[rad/s²\].
@@ -46,16 +48,24 @@ impl Bed {
         [&self.left, &self.right]
     }
 
-    /// Turns the first joint of both arms by `angle_rad`, back and forth by turns.
+    /// Turns the first joint of both arms to 0 or to `angle_rad`, whichever is further from the left
+    /// one: however they were stopped, they are side by side afterwards. It takes `duration_s`, or
+    /// longer if the way is long.
     pub(crate) async fn both(&self, angle_rad: f64, duration_s: f64) -> Result<JointTrajectory> {
         let (mut joint_names, mut start, mut goal) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut target, mut way) = (None, 0.0_f64);
         for robot in self.robots() {
-            let arm = self.one(robot, angle_rad, duration_s).await?;
-            joint_names.extend(arm.joint_names.iter().map(|joint| format!("{robot}/{joint}")));
-            start.extend(&arm.waypoints[0].joint_position);
-            goal.extend(&arm.waypoints[1].joint_position);
+            let mut arm = self.position(robot).await?.to_vec();
+            let joints = self.client.robot_info(robot).await?.joints;
+            joint_names.extend(joints.iter().map(|joint| format!("{robot}/{}", joint.name)));
+            start.extend(&arm);
+            let nearer_zero = arm[0].abs() < (angle_rad - arm[0]).abs();
+            let to = *target.get_or_insert(if nearer_zero { angle_rad } else { 0.0 });
+            way = way.max((to - arm[0]).abs());
+            arm[0] = to;
+            goal.extend(arm);
         }
-        Ok(between(joint_names, start, goal, duration_s))
+        Ok(between(joint_names, start, goal, duration_s.max(4.0 * way)))
     }
 
     /// Turns the first joint of an arm by `angle_rad`, back and forth by turns.
@@ -69,23 +79,21 @@ impl Bed {
         let joints = self.client.robot_info(robot).await?.joints;
         let joint_names = joints.into_iter().map(|joint| joint.name).collect();
         let mut goal = start.clone();
-        goal[0] += if goal[0] > 0.0 { -angle_rad } else { angle_rad };
+        goal[0] += if goal[0] > 0.2 { -angle_rad } else { angle_rad };
         Ok(between(joint_names, start, goal, duration_s))
     }
 
-    /// Where an arm that stands is told to be.
+    /// Where an arm that stands is told to be, or is if it is told nothing.
     async fn position(&self, robot: &RobotName) -> Result<JointVector> {
         let mut watch = Watch::of(&self.client, robot).await?;
-        let stands = |state: &RobotState| {
-            !is_commanded(state) && !state.joint_position_command_rad.is_empty()
-        };
-        let state = watch.state_when("it stands", |_| true, stands).await?;
-        Ok(state.joint_position_command_rad)
+        let state = watch.state_when("it stands", |_| true, |state| !is_commanded(state)).await?;
+        let told = state.joint_position_command_rad;
+        Ok(if told.is_empty() { state.joint_position_rad } else { told })
     }
 
     /// Starts a motion of both arms.
     pub(crate) async fn move_both(&self, coupling: Coupling, duration_s: f64) -> Result<Uuid> {
-        let trajectory = self.both(0.15 * duration_s, duration_s).await?;
+        let trajectory = self.both(0.1 * duration_s, duration_s).await?;
         let params =
             CellExecuteTrajectory { coupling, ..CellExecuteTrajectory::new(None, trajectory) };
         let accepted = until_granted("the motion", async || {
@@ -183,6 +191,24 @@ impl Bed {
                 self.granted::<Enable>(robot, Empty {}).await?;
             }
             self.granted::<Halt>(robot, Empty {}).await?;
+        }
+        Ok(())
+    }
+
+    /// An arm whose motion was aborted at `aborted` rests soon; its agent tells as long as it takes
+    /// to look.
+    pub(crate) async fn assert_rests(
+        &self,
+        row: &str,
+        robot: &RobotName,
+        aborted: MonoTime,
+    ) -> Result<()> {
+        let mut watch = Watch::of(&self.client, robot).await?;
+        let rest = watch.rest(aborted).await?;
+        let looked = watch.seen.first().is_some_and(|state| state.stamp_ns == rest);
+        // One that stood when it was first looked at may have stood for long.
+        if !looked {
+            assert_within(&format!("{row}: abort to rest of {robot}"), aborted, rest, RAMP);
         }
         Ok(())
     }

@@ -6,11 +6,11 @@ use std::time::Duration;
 use anyhow::{Context as _, bail};
 use armada_model::JointVector;
 use armada_protocol::RobotName;
-use armada_protocol::client::{Client, ClientOptions};
+use armada_protocol::client::{Client, ClientError, ClientOptions};
 use armada_protocol::keys;
 use armada_protocol::messages::{
-    ActionStatus, CommandMode, Empty, ExecuteTrajectoryParams, RobotFlags, RobotState, RobotStatus,
-    SetModeParams,
+    ActionStatus, CommandMode, DenialCode, Empty, ExecuteTrajectoryParams, RobotFlags, RobotState,
+    RobotStatus, SetModeParams,
 };
 use armada_protocol::method::robot::{Enable, ExecuteTrajectory, ResetErrors, SetMode};
 use tokio::time::{sleep, timeout};
@@ -98,7 +98,7 @@ impl Arm {
         }
         if status.command_mode != CommandMode::Trajectory {
             let mode = SetModeParams { mode: CommandMode::Trajectory };
-            self.client.call::<SetMode>(&self.name, mode).await?;
+            when_at_rest(async || self.client.call::<SetMode>(&self.name, mode).await).await?;
         }
         Ok(())
     }
@@ -159,6 +159,23 @@ impl Arm {
         self.client.close();
         self.agent.end().await
     }
+}
+
+/// The answer as soon as it is not that the robot still decelerates.
+pub(super) async fn when_at_rest<T>(
+    ask: impl AsyncFn() -> Result<T, ClientError>,
+) -> anyhow::Result<T> {
+    let asking = async {
+        loop {
+            match ask().await {
+                Err(ClientError::Denied(denial)) if denial.code == DenialCode::Busy => {
+                    sleep(LOOK).await;
+                }
+                other => return other,
+            }
+        }
+    };
+    Ok(timeout(PATIENCE, asking).await.context("the robot does not come to rest")??)
 }
 
 /// A client of several endpoints.

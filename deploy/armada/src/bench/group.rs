@@ -25,7 +25,7 @@ use tokio::time::{sleep, timeout};
 use uuid::Uuid;
 
 use super::CommonArgs;
-use super::arm::{Arm, Controller, connect};
+use super::arm::{Arm, Controller, connect, when_at_rest};
 use super::child::Child;
 use super::figures::{QUANTILES, quantiles};
 use super::machine::Machine;
@@ -181,7 +181,8 @@ impl Bench {
             let trajectory = swing(arm.position().await?, ready_position()?, MOTION);
             let mut params = PrepareParams::alone(Some(id), trajectory);
             params.group = Some(self.group(&arm.name));
-            let prepared = arm.client.call::<Prepare>(&arm.name, params).await?;
+            let prepare = async || arm.client.call::<Prepare>(&arm.name, params.clone()).await;
+            let prepared = when_at_rest(prepare).await?;
             let readiness = prepared.group.context("the agent knows no groups")?;
             slope = slope.min(readiness.rate_slope_s);
             boots.push(arm.client.robot_status(&arm.name).await?.boot_id);

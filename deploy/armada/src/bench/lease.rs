@@ -22,7 +22,7 @@ use tokio::time::{sleep, timeout};
 use uuid::Uuid;
 
 use super::CommonArgs;
-use super::arm::{Arm, Controller, connect};
+use super::arm::{Arm, Controller, connect, when_at_rest};
 use super::child::Child;
 use super::figures::{QUANTILES, quantiles};
 use super::machine::Machine;
@@ -148,9 +148,8 @@ impl Bench {
         let params = AcquireLeaseParams { ttl_ms: TTL_MS, role: Role::Program };
         let grant = self.holder.call::<AcquireLease>(name, params).await?;
         let held = self.holder.under(grant.lease);
-        self.arm.status_when("at rest", |status| status.motion.is_none()).await?;
         let mode = SetModeParams { mode: CommandMode::Trajectory };
-        held.call::<SetMode>(name, mode).await?;
+        when_at_rest(async || held.call::<SetMode>(name, mode).await).await?;
         let trajectory = swing(self.arm.position().await?, ready_position()?, MOTION);
         let params = ExecuteTrajectoryParams::at_once(None, trajectory);
         Ok(held.call::<ExecuteTrajectory>(name, params).await?.motion_id)
