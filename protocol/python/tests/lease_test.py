@@ -48,6 +48,17 @@ def test_it_is_renewed_beside_the_program(cell: armada.Cell, left: Agent) -> Non
     assert {row["params"]["lease"] for row in left.of_method("renew_lease")} == {LEASE}
 
 
+def test_one_that_was_taken_away_is_given_back_without_an_error(
+    cell: armada.Cell, left: Agent
+) -> None:
+    left.handlers["release_lease"] = refuse("lease_stale", "not in force any more")
+    lease = cell.robot("left_arm").lease(ttl_s=5.0)
+    lease.release()
+    assert not lease.is_held
+    with pytest.raises(LeaseLost):
+        lease.raise_if_lost()
+
+
 def test_somebody_else_who_holds_it_is_named(cell: armada.Cell, left: Agent) -> None:
     left.handlers["acquire_lease"] = refuse("lease_required", "held by panel", holder="panel")
     with pytest.raises(DeniedError) as caught:

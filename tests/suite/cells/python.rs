@@ -72,12 +72,12 @@ async fn a_stop_ends_a_stream_of_speeds_and_its_sender_is_told() -> Result<()> {
 import armada
 with armada.connect() as cell:
     left = cell.robot('left_arm')
-    with left.lease(), left.stream_velocity() as stream:
-        try:
+    try:
+        with left.lease(), left.stream_velocity() as stream:
             for _ in stream.ticks(rate_hz=100, duration_s=20.0):
                 stream.send([0.1, 0, 0, 0, 0, 0.2])
-        except (armada.StreamEnded, armada.LeaseLost) as ended:
-            print('told:', ended)
+    except (armada.StreamEnded, armada.LeaseLost) as ended:
+        print('told:', ended)
 ";
     let Some(python) = python() else { return Ok(()) };
     let cell = Cell::start(CellOptions::default()).await?;

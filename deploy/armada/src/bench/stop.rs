@@ -302,12 +302,12 @@ impl Times {
     fn report(mut self, mut report: Report) -> Report {
         let columns = QUANTILES.map(|(name, _)| name);
         let figures = |times: &mut Vec<f64>| [quantiles(times).unwrap_or_default()];
-        let section = Section::new("cell/stop to the client's receipt, ms", columns)
+        let section = Section::new("published stop to the client's receipt, ms", columns)
             .row("A1 received, the slowest arm", &figures(&mut self.received))
             .row("raw query and reply", &figures(&mut self.raw))
             .ratio();
         report.section(self.add_rows(section, |ack| ack.at_client));
-        let section = Section::new("cell/stop to the agent's stamp, ms", columns);
+        let section = Section::new("published stop to the agent's stamp, ms", columns);
         report.section(self.add_rows(section, |ack| ack.by_stamp));
         let section = Section::new("the agent's receipt to the agent's stamp, ms", columns);
         report.section(self.add_rows(section, |ack| ack.since_received));

@@ -57,7 +57,10 @@ class HeldLease:
         return run(self._inner.delegate(to, scope=scope, ttl_s=ttl_s))
 
     def release(self) -> None:
-        """Gives it back; a motion in progress ends with a ramp. Releasing twice does nothing."""
+        """Gives it back; a motion in progress ends with a ramp.
+
+        Releasing twice does nothing, and one that was lost before is no error.
+        """
         run(self._inner.release())
 
     def __enter__(self) -> HeldLease:

@@ -16,6 +16,7 @@ from armada._repeat import Repeater
 from armada.errors import ArmadaError, CodecError, DeniedError, LeaseLost
 from armada.messages import (
     DelegateLeaseParams,
+    DenialCode,
     LeaseGrant,
     LeaseParams,
     LeaseScope,
@@ -100,14 +101,24 @@ class HeldLease:
         return await self._call(methods.DELEGATE_LEASE, params)
 
     async def release(self) -> None:
-        """Gives it back; a motion in progress ends with a ramp. Releasing twice does nothing."""
+        """Gives it back; a motion in progress ends with a ramp.
+
+        Releasing twice does nothing, and one that was lost before is no error.
+        """
         await self._repeater.end()
         if self._released:
             return
         self._released = True
         self._forget(self)
-        if self._lost is None:
+        if self._lost is not None:
+            return
+        try:
             await self._call(methods.RELEASE_LEASE, LeaseParams(lease=self.id))
+        except DeniedError as error:
+            # Taken away, by a stop for one, since it was renewed last.
+            if error.code != DenialCode.LEASE_STALE:
+                raise
+            self._lose(str(error))
 
     async def _call(self, method: methods.Method[P, A], params: P) -> A:
         key = keys.ROBOT_RPC.with_(self.robot, method.name)

@@ -311,6 +311,7 @@ mod tests {
             "  `armada reset-errors left_arm` clears it",
             "may command: anybody",
             "next: reset_errors when the cause is gone",
+            "",
             " STOP: s   halt: h   help: ?   quit: q",
         ];
         assert_eq!(screen, expected);
