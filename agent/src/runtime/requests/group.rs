@@ -197,8 +197,9 @@ impl Requests {
             let stretch = StartTravel::stretch(trajectory, window_s, RIGID_TRAVEL);
             let text = format!(
                 "{joint} moves {:.4} before the loss of a partner at the start is noticed, a rigid \
-                 group allows {RIGID_TRAVEL}: start more softly, or take {stretch:.1} times as long",
-                start.travel
+                 group allows {RIGID_TRAVEL}: start more softly, or take {:.2} times as long",
+                start.travel,
+                rounded_up(stretch)
             );
             return Err(out_of_range("trajectory", start.travel, RIGID_TRAVEL, text)
                 .with("joint", joint)
@@ -209,13 +210,19 @@ impl Requests {
             let slope = readiness.rate_slope_s;
             let text = format!(
                 "the trajectory is so fast that its rate can change by {slope} per second only, a \
-                 rigid group needs {RIGID_SLOPE_S}: take {stretch:.1} times as long"
+                 rigid group needs {RIGID_SLOPE_S}: take {:.2} times as long",
+                rounded_up(stretch)
             );
             let denial = out_of_range("trajectory", slope, RIGID_SLOPE_S, text);
             return Err(denial.with("stretch", stretch));
         }
         Ok(())
     }
+}
+
+/// To two decimals, never too little.
+fn rounded_up(stretch: f64) -> f64 {
+    (stretch * 100.0).ceil() / 100.0
 }
 
 fn out_of_range(field: &str, value: f64, limit: f64, message: String) -> Denial {
