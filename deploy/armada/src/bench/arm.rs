@@ -23,6 +23,9 @@ use super::swing::swing;
 
 /// How long a robot may take for anything.
 const PATIENCE: Duration = Duration::from_secs(20);
+/// How long a robot is told to stand before it counts as standing; agents want 50 ms of measured
+/// rest after the lag.
+const STANDING: Duration = Duration::from_millis(150);
 /// Pause between two looks at a robot.
 const LOOK: Duration = Duration::from_millis(10);
 
@@ -131,6 +134,26 @@ impl Arm {
         let states = self.client.subscribe::<RobotState>(&key, 1).await?;
         let next = timeout(PATIENCE, states.next()).await.context("no state is published")?;
         Ok(next?.1.joint_position_rad)
+    }
+
+    /// Waits until the robot has been told to stand for as long as its agent wants to see that.
+    pub(super) async fn at_rest(&self) -> anyhow::Result<()> {
+        let key = keys::ROBOT_STATE.of(&self.name);
+        let states = self.client.subscribe::<RobotState>(&key, 1).await?;
+        let standing = async {
+            let mut since = None;
+            loop {
+                let (_, state) = states.next().await?;
+                let moves = state.joint_velocity_command_rad_s.iter().any(|speed| *speed != 0.0);
+                let begin = *since.get_or_insert(state.stamp_ns);
+                if moves {
+                    since = None;
+                } else if state.stamp_ns.saturating_since(begin) >= STANDING {
+                    return Ok::<_, anyhow::Error>(());
+                }
+            }
+        };
+        timeout(PATIENCE, standing).await.context("the robot does not come to rest")?
     }
 
     /// The status as soon as it satisfies `condition`.

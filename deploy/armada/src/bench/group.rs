@@ -25,7 +25,7 @@ use tokio::time::{sleep, timeout};
 use uuid::Uuid;
 
 use super::CommonArgs;
-use super::arm::{Arm, Controller, connect, when_at_rest};
+use super::arm::{Arm, Controller, connect};
 use super::child::Child;
 use super::figures::{QUANTILES, quantiles};
 use super::machine::Machine;
@@ -164,7 +164,7 @@ impl Bench {
         frozen.agent.thaw()?;
         times.abort.push(ms(aborted?.saturating_since(begin)));
         let end = ended(other, id).await?;
-        times.rest.push(ms(end.stamp_ns.saturating_since(begin)));
+        times.ended.push(ms(end.stamp_ns.saturating_since(begin)));
         let quality = end.group.context("no quality of the group is told")?;
         times.lost_silence.push(quality.max_silence_ms);
         ended(frozen, id).await?;
@@ -178,11 +178,11 @@ impl Bench {
         let mut slope = f64::INFINITY;
         for arm in &self.arms {
             arm.make_ready().await?;
+            arm.at_rest().await?;
             let trajectory = swing(arm.position().await?, ready_position()?, MOTION);
             let mut params = PrepareParams::alone(Some(id), trajectory);
             params.group = Some(self.group(&arm.name));
-            let prepare = async || arm.client.call::<Prepare>(&arm.name, params.clone()).await;
-            let prepared = when_at_rest(prepare).await?;
+            let prepared = arm.client.call::<Prepare>(&arm.name, params).await?;
             let readiness = prepared.group.context("the agent knows no groups")?;
             slope = slope.min(readiness.rate_slope_s);
             boots.push(arm.client.robot_status(&arm.name).await?.boot_id);
@@ -282,8 +282,8 @@ struct Times {
     silence: Vec<f64>,
     /// From the freezing of an agent to the abort of the other, as it comes to the client.
     abort: Vec<f64>,
-    /// From the freezing to the rest of the other arm.
-    rest: Vec<f64>,
+    /// From the freezing to the end of the other arm's motion, after which it has its ramp to rest.
+    ended: Vec<f64>,
     lost_silence: Vec<f64>,
     raw: Vec<f64>,
 }
@@ -303,7 +303,7 @@ impl Times {
             Section::new("agent frozen to the partner's reaction, ms", columns)
                 .row("silence when it aborted", &figures(&mut self.lost_silence))
                 .row("abort, at the client", &figures(&mut self.abort))
-                .row("at rest, by its stamp", &figures(&mut self.rest)),
+                .row("end of its motion, by its stamp", &figures(&mut self.ended)),
         );
         let bound = LOSS + PERIOD;
         report.note(format!("aim: abort at most {} ms after the loss", bound.as_millis()));

@@ -132,7 +132,7 @@ impl Bench {
         times.revoked.push(since(begin, event.1));
         times.heard.push(since(begin, event.0));
         times.told.push(since(begin, status.0));
-        times.rest.push(since(begin, status.1.stamp_ns));
+        times.ended.push(since(begin, status.1.stamp_ns));
         if !round.is_multiple_of(2) {
             times.raw.push(self.query().await?);
         }
@@ -236,7 +236,7 @@ struct Times {
     revoked: Vec<f64>,
     heard: Vec<f64>,
     told: Vec<f64>,
-    rest: Vec<f64>,
+    ended: Vec<f64>,
     raw: Vec<f64>,
 }
 
@@ -249,7 +249,7 @@ impl Times {
                 .row("the holder has lost it, by the loop's stamp", &figures(&mut self.revoked))
                 .row("the holder is told", &figures(&mut self.heard))
                 .row("the holder is told of the end of its motion", &figures(&mut self.told))
-                .row("at rest, by the loop's stamp", &figures(&mut self.rest))
+                .row("its motion has ended, by the loop's stamp", &figures(&mut self.ended))
                 .row("the person is granted it", &figures(&mut self.granted))
                 .row("raw query and reply", &figures(&mut self.raw))
                 .ratio(),
