@@ -179,20 +179,39 @@ impl Bed {
         reset.with_context(|| format!("{status:#?}"))
     }
 
-    /// Does what a person does before work goes on: errors and stops are reset, drives are on.
+    /// Does what a person does before work goes on: errors and stops are reset, drives are on. What
+    /// happened may still come out meanwhile, such as a controller's error, so it is looked again.
     pub(crate) async fn make_ready(&self) -> Result<()> {
         for robot in self.robots() {
-            self.reset_stop(robot).await?;
-            let status = self.status_when(robot, "it answers", |_| true).await?;
-            if !status.faults.is_empty() {
-                self.granted::<ResetErrors>(robot, Empty {}).await?;
-            }
-            if !status.flags.contains(RobotFlags::ENABLED) {
-                self.granted::<Enable>(robot, Empty {}).await?;
-            }
-            self.granted::<Halt>(robot, Empty {}).await?;
+            let last = std::sync::Mutex::new(None);
+            let step = async || {
+                let status = self.client.robot_status(robot).await.ok()?;
+                let refused = self.step_to_ready(robot, &status).await;
+                *last.lock().expect("one looks") = Some((refused, status.why));
+                let ready = status.stop.is_none()
+                    && status.faults.is_empty()
+                    && status.flags.contains(RobotFlags::ENABLED)
+                    && status.command_mode == CommandMode::Halt;
+                ready.then_some(())
+            };
+            let ready = wait_for("ready", PATIENCE, step).await;
+            ready.with_context(|| format!("{robot}: {last:#?}"))?;
         }
         Ok(())
+    }
+
+    /// The next thing that a person does about a robot; what it was refused for, if it was.
+    async fn step_to_ready(&self, robot: &RobotName, status: &RobotStatus) -> Option<ClientError> {
+        let done = if let Some(latch) = &status.stop {
+            self.client.call::<Reset>(robot, latch.reset_params()).await.map(drop)
+        } else if !status.faults.is_empty() {
+            self.client.call::<ResetErrors>(robot, Empty {}).await.map(drop)
+        } else if !status.flags.contains(RobotFlags::ENABLED) {
+            self.client.call::<Enable>(robot, Empty {}).await.map(drop)
+        } else {
+            self.client.call::<Halt>(robot, Empty {}).await.map(drop)
+        };
+        done.err()
     }
 
     /// An arm whose motion was aborted at `aborted` rests soon; its agent tells as long as it takes
