@@ -2,10 +2,12 @@
 
 mod common;
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use armada_gateway::{GatewayError, GatewayOptions, run};
 use armada_model::{JointTrajectory, Waypoint};
+use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
 use armada_protocol::codec::WireEncoding;
 use armada_protocol::keys::{self, Key, Kind, Owner};
@@ -132,7 +134,7 @@ async fn leases_of_several_robots_are_all_granted_or_none() {
     let acquire =
         || CellAcquireLeaseParams { robots: Vec::new(), ttl_ms: 5_000, role: Default::default() };
     let granted = client.call_cell::<cell::AcquireLease>(acquire()).await.expect("granted");
-    let leases: std::collections::BTreeMap<_, _> =
+    let leases: BTreeMap<_, _> =
         granted.leases.iter().map(|(robot, grant)| (robot.clone(), grant.lease)).collect();
     assert_eq!(leases.len(), 2);
     assert!(granted.leases.values().all(|grant| grant.ttl_ms == 5_000));
@@ -216,7 +218,12 @@ async fn a_stop_is_reported_complete_and_a_reset_clears_it() {
     assert_eq!(report.verdict, StopVerdict::Complete, "{report:?}");
     let denied = execute(&client, &["left", "right"]).await.expect_err("stopped");
     assert!(matches!(&denied, ClientError::Denied(d) if d.code == DenialCode::Stopped), "{denied}");
-    let reset = client.call_cell::<cell::Reset>(CellResetParams::default()).await.expect("answers");
+    let mut resets = BTreeMap::new();
+    for robot in ["left", "right"].map(|name| name.parse::<RobotName>().expect("a name")) {
+        let status = client.robot_status(&robot).await.expect("answers");
+        resets.insert(robot, status.stop.expect("latched").reset_params());
+    }
+    let reset = client.call_cell::<cell::Reset>(CellResetParams { resets }).await.expect("answers");
     assert_eq!((reset.reset.len(), reset.refused.len()), (2, 0));
     assert!(reset.reset.iter().all(|(_, ids)| ids == &[report.stop_id]));
     cell.shut_down().await;

@@ -175,7 +175,7 @@ pub mod cell {
         Pause = "pause", 4000, MotionParams -> Empty;
         /// Goes on with a paused motion of several robots.
         Resume = "resume", 4000, MotionParams -> Empty;
-        /// Changes the speed of a motion of several robots.
+        /// Changes the speed of a motion of several robots, and of all later ones of its robots.
         SetSpeedRatio = "set_speed_ratio", 4000, CellSpeedRatioParams -> SpeedRatioAnswer;
         /// Gets the leases of several robots, all or none.
         AcquireLease = "acquire_lease", 4000, CellAcquireLeaseParams -> GroupLease;

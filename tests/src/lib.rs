@@ -14,7 +14,7 @@ mod wait;
 
 pub use cell::{Cell, CellOptions};
 pub use clock::monotonic;
-pub use net::{Host, HostProcess, Network, Quality, in_network};
+pub use net::{Host, HostProcess, Network, Quality, can_make_hosts, in_network};
 pub use net_cell::{NetCell, NetCellOptions};
 pub use ports::{Ports, free_tcp_port};
 pub use process::{armada, children_of, is_running, kill, signal, terminate};

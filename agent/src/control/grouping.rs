@@ -23,13 +23,13 @@ impl LoopState {
     /// Starts, goes on or stops as the group does; before the set-point is made.
     pub(super) fn keep_together(&mut self, tick: &mut Tick<'_>) {
         let period = tick.params.period;
-        let error = self.condition.feedback().map_or(0.0, |f| self.tracking.share(tick.params, f));
         let Some(group) = &mut self.group else { return };
         let Some(motion) = self.motion.as_mut().filter(|motion| motion.id == group.id()) else {
             return;
         };
         let Source::Trajectory(trajectory) = &mut motion.source else { return };
         let phase_s = trajectory.phase_s(period.as_secs_f64());
+        let error = self.condition.feedback().map_or(0.0, |f| self.tracking.share(tick.params, f));
         let own = Own { phase_s, rate: trajectory.rate(), error, period };
         match group.guide(tick.now, &own) {
             Decision::Hold | Decision::Free => {}

@@ -39,6 +39,7 @@ mod grouping;
 mod io;
 mod jogging;
 mod limit;
+mod link_quality;
 mod mode;
 mod motion;
 mod operational;
@@ -65,11 +66,11 @@ pub use group::{
 };
 pub use io::{
     DelegateOrder, DelegateReport, DroppedSamples, EquipmentOrder, FollowOrder, Granted, HomeOrder,
-    Input, JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LoopAbilities,
-    LoopEvent, LoopFault, LoopRequest, MAX_DELEGATES, MAX_EVENTS, MAX_QUEUED, MAX_REQUESTS,
-    MAX_RETIRED, MAX_SAMPLES, MAX_STOP_TIME, MotionReport, Order, Output, Params, REDUCED_SHARE,
-    Refusal, Retired, Snapshot, StreamChange, StreamReport, StreamSample, StreamValues,
-    TwistTarget, default_stop_time,
+    Input, JogCartesianOrder, JogJointOrder, JogOrder, LeaseChange, LeaseReport, LinkReport,
+    LoopAbilities, LoopEvent, LoopFault, LoopRequest, MAX_DELEGATES, MAX_EVENTS, MAX_QUEUED,
+    MAX_REQUESTS, MAX_RETIRED, MAX_SAMPLES, MAX_STOP_TIME, MotionReport, Order, Output, Params,
+    REDUCED_SHARE, Refusal, Retired, Snapshot, StreamChange, StreamReport, StreamSample,
+    StreamValues, TwistTarget, default_stop_time,
 };
 pub use state::{LoopState, ParamsError};
 pub use step::step;

@@ -90,7 +90,7 @@ impl LoopState {
             authority: self.authority_state(),
             lease: self.authority.report(),
             delegates: self.delegates(),
-            stream: self.stream.report(),
+            stream: self.stream.report(stamp),
             dropped_samples: self.stream.dropped(),
             config_seqno: self.equipment.config_seqno,
             signals: feedback.map_or(Values::EMPTY, |feedback| feedback.signals),

@@ -17,6 +17,7 @@
 //! | epoch | is not of the epoch in force |
 //! | sequence | has a number that is not above all that came under its lease and epoch |
 //! | age | was made for a state that is older than the limit, in time, or for one of the future |
+//! | link | comes under a lease whose samples come too seldom or unevenly, see [`LinkQuality`] |
 //! | mode | commands positions in another mode than `position_command`, or speeds in another than `velocity_command` |
 //! | values | is not of this robot's number of joints, not finite, of no joint, or of no chain |
 //!
@@ -32,8 +33,10 @@ use uuid::Uuid;
 
 use super::checkpoint::copy_by_fields;
 use super::io::{
-    DroppedSamples, LoopEvent, Params, StreamChange, StreamReport, StreamSample, StreamValues,
+    DroppedSamples, LinkReport, LoopEvent, Params, StreamChange, StreamReport, StreamSample,
+    StreamValues,
 };
+use super::link_quality::{Arrival, LinkQuality};
 use super::motion::StreamFollower;
 use super::state::{LoopState, Tick};
 use crate::drivers::JointSet;
@@ -49,6 +52,7 @@ pub(super) struct Stream {
     newest: Option<StreamHeader>,
     dropped: DroppedSamples,
     dropped_in_epoch: u64,
+    link: LinkQuality,
     current: Option<Current>,
 }
 
@@ -76,11 +80,12 @@ enum Unfit {
     Epoch,
     Sequence,
     Age,
+    Link,
     Mode,
     Values,
 }
 
-copy_by_fields! { Stream: past, newest, dropped, dropped_in_epoch, current }
+copy_by_fields! { Stream: past, newest, dropped, dropped_in_epoch, link, current }
 
 copy_by_fields! { Past: ring }
 
@@ -91,14 +96,25 @@ impl Stream {
             newest: None,
             dropped: DroppedSamples::default(),
             dropped_in_epoch: 0,
+            link: LinkQuality::new(Uuid::nil()),
             current: None,
         }
     }
 
-    /// The stream in progress, for the snapshot.
-    pub(super) fn report(&self) -> Option<StreamReport> {
-        let report = self.current.as_ref()?.report;
-        Some(StreamReport { dropped: self.dropped_in_epoch, ..report })
+    /// The stream in progress, for the snapshot; also one of which nothing was taken, because its
+    /// link is refused.
+    pub(super) fn report(&self, now: MonoTime) -> Option<StreamReport> {
+        let (dropped, link) = (self.dropped_in_epoch, self.link.report());
+        if let Some(current) = &self.current {
+            return Some(StreamReport { dropped, link, ..current.report });
+        }
+        let newest = self.link.heard(now).filter(|_| dropped > 0 && self.link.is_refused())?;
+        Some(StreamReport { taken: 0, dropped, limited: 0, newest, starved: true, link })
+    }
+
+    /// Share of the limits of speed that the stream's link allows.
+    pub(super) const fn allowed(&self) -> f64 {
+        self.link.report().allowed
     }
 
     /// Samples dropped so far.
@@ -130,6 +146,7 @@ impl Stream {
             Unfit::Epoch => &mut dropped.epoch,
             Unfit::Sequence => &mut dropped.sequence,
             Unfit::Age => &mut dropped.age,
+            Unfit::Link => &mut dropped.link,
             Unfit::Mode => &mut dropped.mode,
             Unfit::Values => &mut dropped.values,
         };
@@ -167,7 +184,7 @@ impl LoopState {
         }
     }
 
-    fn judge(&mut self, tick: &Tick<'_>, sample: &StreamSample) -> Result<(), Unfit> {
+    fn judge(&mut self, tick: &mut Tick<'_>, sample: &StreamSample) -> Result<(), Unfit> {
         let header = sample.header;
         let of_other =
             self.stream.current.as_ref().is_some_and(|current| current.lease != header.lease);
@@ -184,8 +201,16 @@ impl LoopState {
         }
         self.stream.newest = Some(header);
         let age = self.stream.past.age(header.state_seqno, tick.now);
-        if age.is_none_or(|age| age > tick.params.stream_max_age) {
+        let age = age.filter(|age| *age <= tick.params.stream_max_age);
+        let arrival = Arrival { header, now: tick.now, age };
+        if let Some(change) = self.stream.link.take(arrival, tick.params.stream_timeout) {
+            tick.event(LoopEvent::Stream(change));
+        }
+        if age.is_none() {
             return Err(Unfit::Age);
+        }
+        if self.stream.link.is_refused() {
+            return Err(Unfit::Link);
         }
         if mode_of(&sample.values) != self.mode {
             return Err(Unfit::Mode);
@@ -222,6 +247,7 @@ impl LoopState {
                 limited: 0,
                 newest: tick.now,
                 starved: false,
+                link: LinkReport::default(),
             },
             follower: StreamFollower::default(),
             followed: false,

@@ -188,14 +188,15 @@ impl Board {
     }
 
     /// What was dropped or refused, here and in the loop.
-    fn all_dropped(&self) -> Vec<(String, u64)> {
-        let DroppedSamples { lease, epoch, sequence, age, mode, values } =
+    pub(super) fn all_dropped(&self) -> Vec<(String, u64)> {
+        let DroppedSamples { lease, epoch, sequence, age, link, mode, values } =
             self.snapshot.dropped_samples;
         let in_loop = [
             ("stream_lease", lease),
             ("stream_epoch", epoch),
             ("stream_sequence", sequence),
             ("stream_age", age),
+            ("stream_link", link),
             ("stream_mode", mode),
             ("stream_values", values),
         ];
@@ -231,8 +232,16 @@ impl Board {
 
 /// The stream in progress, as it is at `now`.
 fn statistics(stream: &StreamReport, now: MonoTime) -> StreamStatistics {
-    let StreamReport { taken, dropped, limited, newest, starved } = *stream;
-    let age_ms = now.saturating_since(newest).as_secs_f64() * 1e3;
-    let (jitter_ms, loss, allowed) = (0.0, 0.0, 1.0);
-    StreamStatistics { taken, dropped, limited, age_ms, starved, jitter_ms, loss, allowed }
+    let StreamReport { taken, dropped, limited, newest, starved, link } = *stream;
+    StreamStatistics {
+        taken,
+        dropped,
+        limited,
+        age_ms: now.saturating_since(newest).as_secs_f64() * 1e3,
+        starved,
+        jitter_ms: link.jitter_s * 1e3,
+        loss: link.loss,
+        state_age_ms: link.state_age_s * 1e3,
+        allowed: link.allowed,
+    }
 }

@@ -1,5 +1,6 @@
 //! The task that turns what the loop and the stop keys say into messages.
 
+mod dropped;
 mod streams;
 
 use std::sync::Arc;
@@ -32,6 +33,7 @@ use super::stop_keeper::StopKeeper;
 use super::words::{name, operational_name};
 use crate::control::{LeaseChange, LoopEvent, Refusal};
 
+pub(super) use dropped::DroppedCommands;
 pub(super) use streams::Flapping;
 
 /// How often progress of a motion is published.
@@ -60,6 +62,7 @@ pub(super) struct Desk {
     pub(super) boot_id: Uuid,
     pub(super) event_seqno: u64,
     pub(super) flapping: Flapping,
+    pub(super) dropped_commands: DroppedCommands,
     /// Counts the resets that have reached the loop.
     pub(super) cleared: watch::Sender<u64>,
     pub(super) gate: Arc<StopGate>,
@@ -253,6 +256,7 @@ impl Desk {
         }
         self.forget_collected(now).await;
         self.settle_streams(now).await;
+        self.settle_dropped(now).await;
         self.record_untold().await;
     }
 
@@ -314,11 +318,12 @@ impl Desk {
         message: String,
         details: Map<String, Value>,
     ) {
+        let seqno = self.event_seqno;
         self.event_seqno += 1;
         let event = Event {
             robot: Some(self.board.lock().vocabulary.robot.clone()),
             boot_id: self.boot_id,
-            seqno: self.event_seqno,
+            seqno,
             stamp_ns: stamp,
             utc_ns: utc_ns(),
             severity,

@@ -160,10 +160,13 @@ impl Ear {
             self.send(partner, Word::Abort { from_phase_s: None });
             return;
         };
+        // Before the loop hears it: the end of the motion says why.
         let from_phase_s = abort.from_phase_s.filter(|phase_s| phase_s.is_finite());
+        {
+            let mut board = self.speaker.board.lock();
+            board.vocabulary.groups.note_reason(self.group, partner, abort.reason);
+        }
         self.send(partner, Word::Abort { from_phase_s });
-        let mut board = self.speaker.board.lock();
-        board.vocabulary.groups.note_reason(self.group, partner, abort.reason);
     }
 
     /// Which partner says something at this key; none if it is the own robot, or nobody's.

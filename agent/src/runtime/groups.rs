@@ -68,6 +68,13 @@ impl Groups {
         Ok(())
     }
 
+    /// Closes the keys of a motion that is not going to be.
+    pub(super) fn close(&self, group: Uuid) {
+        let closed = self.lock().remove(&group);
+        // Its keys are closed here, not while the lock is held.
+        drop(closed);
+    }
+
     /// Says something to the partners in a motion; in the publisher's thread.
     pub(super) fn say(&self, said: &GroupSay) {
         let link = self.lock().get(&said.group).map(|open| Arc::clone(&open.link));
@@ -104,10 +111,7 @@ fn keep(groups: Weak<Groups>, group: Uuid) {
             tokio::time::sleep(LOOK).await;
             let Some(groups) = groups.upgrade() else { return };
             if !groups.is_needed(group) {
-                let closed = groups.lock().remove(&group);
-                // Its keys are closed here, not while the lock is held.
-                drop(closed);
-                return;
+                return groups.close(group);
             }
         }
     }));

@@ -158,6 +158,7 @@ impl Robot {
             methods: methods(&self.abilities, &self.params, self.chains.len()),
             flags: RobotFlags::NAMES.map(|(name, bit)| (name.to_owned(), bit.bits())).to_vec(),
             period_ms: self.config.control.period_ms,
+            stop_time_s: self.params.stop_time.as_secs_f64(),
             state_rate_hz: self.config.publish.state_rate_hz,
             state_classes_hz: self.state_classes().into_iter().map(|(rate, _)| rate).collect(),
             urdf: self.urdf.clone(),

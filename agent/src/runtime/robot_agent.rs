@@ -24,7 +24,7 @@ use super::agent::AgentError;
 use super::board::{Board, SharedBoard};
 use super::bus::{self, Keys};
 use super::clock::monotonic;
-use super::desk::{Desk, Flapping, Inboxes, Remark};
+use super::desk::{Desk, DroppedCommands, Flapping, Inboxes, Remark};
 use super::equipment::SharedEquipment;
 use super::groups::Groups;
 use super::link::Link;
@@ -386,6 +386,7 @@ impl Shared {
             boot_id: self.boot_id,
             event_seqno: 0,
             flapping: Flapping::default(),
+            dropped_commands: DroppedCommands::default(),
             cleared,
             gate: Arc::clone(&self.gate),
             keeper: Arc::clone(&self.keeper),
@@ -458,14 +459,17 @@ fn open_kept(robot: &Robot, folder: Option<&Path>) -> Result<(StopKeeper, Kept),
     Ok((StopKeeper::start(file, kept.clone()), kept))
 }
 
-/// Keeps a stop that came in when nobody wrote stops down any more.
+/// Keeps what is latched when nobody writes stops down any more: also a stop that came in since, and
+/// one whose reset was under way, which opens the gate no more.
 fn keep_untold_stop(requests: &Requests, board: &SharedBoard, keeper: &StopKeeper) {
     let gate = &requests.gate;
     let board = board.lock();
     let told = board.stop.as_ref().map(|stop| stop.gate_count);
-    if let Some(level) = gate.level().filter(|_| told < Some(gate.count())) {
-        keeper.keep(untold(board.kept(), level, "a stop came in while the agent ended"));
-    }
+    let kept = board.kept();
+    keeper.keep(match gate.level().filter(|_| told < Some(gate.count())) {
+        Some(level) => untold(kept, level, "a stop came in while the agent ended"),
+        None => kept,
+    });
 }
 
 /// The robot's own links, if they have shapes that can be used.

@@ -74,10 +74,21 @@ impl SelfCollision {
         let report = report.map_err(|error| {
             Denial::new(DenialCode::Internal, format!("own links could not be checked: {error}"))
         })?;
-        if report.verdict == MotionVerdict::Clear {
-            return Ok(());
-        }
-        let Some(nearest) = report.first_violation.or(report.minimum) else { return Ok(()) };
+        let nearest = match report.verdict {
+            MotionVerdict::Clear => return Ok(()),
+            MotionVerdict::Violation => report.first_violation,
+            MotionVerdict::Undecided { from_s, .. } => {
+                return Err(undecided(from_s, "move slower"));
+            }
+            MotionVerdict::OutOfStates { until_s } => {
+                return Err(undecided(until_s, "split the trajectory"));
+            }
+            MotionVerdict::ClearAtSamples => None,
+        };
+        let Some(nearest) = nearest else {
+            let text = format!("own links were checked with no result: {:?}", report.verdict);
+            return Err(Denial::new(DenialCode::Internal, text));
+        };
         let [a, b] = [nearest.pair.a, nearest.pair.b].map(|body| self.link(body));
         let (distance_m, at_s) = (nearest.pair.distance_m, nearest.time_s);
         Err(Denial::new(
@@ -100,6 +111,15 @@ impl SelfCollision {
         };
         link.map_or("unknown", String::as_str)
     }
+}
+
+/// Nothing is known to be too near, and from a time on nothing is known at all.
+fn undecided(from_s: f64, remedy: &str) -> Denial {
+    let text = format!(
+        "own links could not be shown to keep {THRESHOLD_M} m after {from_s:.2} s of the \
+         trajectory: {remedy}"
+    );
+    Denial::new(DenialCode::Collision, text).with("at_s", from_s).with("limit", THRESHOLD_M)
 }
 
 #[cfg(test)]

@@ -124,13 +124,14 @@ impl Desk {
         received: MonoTime,
         closing: Closing,
     ) -> (Vec<StopAck>, bool) {
-        let mut closing = closing;
-        if self.gate.level().is_none() {
-            // It was opened by a reset that could not know of this stop, which is never lost.
-            closing = self.gate.close(latched.level);
-        }
         let (acks, is_new) = {
+            // A reset opens the gate under the same lock.
             let mut board = self.board.lock();
+            let closing = match self.gate.level() {
+                Some(_) => closing,
+                // It was opened by a reset that could not know of this stop, which is never lost.
+                None => self.gate.close(latched.level),
+            };
             let before = board.stop.as_ref().map(|stop| (stop.level, stop.stops.len()));
             let recorded = record_stop(&mut board, latched, received, closing);
             let after = board.stop.as_ref().map(|stop| (stop.level, stop.stops.len()));
@@ -210,7 +211,7 @@ fn record_stop(
     let at = record.stops.iter().position(|known| known.stop.stop_id == latched.stop_id);
     let is_new = at.is_none();
     if is_new && record.stops.len() >= MAX_STOPS {
-        return (crowded(board, latched, received), false);
+        return (crowded(board, latched, received, &reached), false);
     }
     let known = at.and_then(|at| record.stops.get_mut(at));
     let stop = if let Some(known) = known {
@@ -222,22 +223,30 @@ fn record_stop(
         record.nonce = Uuid::new_v4();
         stop
     };
-    let mut acks = vec![ack(board, &stop, StopStage::Received, stop.received)];
-    for (stage, stamp) in reached {
-        acks.push(ack(board, &stop, stage, stamp.max(stop.received)));
-    }
-    (acks, is_new)
+    (acks_of(board, &stop, &reached), is_new)
+}
+
+/// What is to be said of a stop: that it was received, and the stages that have been reached.
+fn acks_of(board: &Board, stop: &ReceivedStop, reached: &[(StopStage, MonoTime)]) -> Vec<StopAck> {
+    let received = std::iter::once((StopStage::Received, stop.received));
+    let stages = received.chain(reached.iter().copied());
+    stages.map(|(stage, stamp)| ack(board, stop, stage, stamp.max(stop.received))).collect()
 }
 
 /// Takes a stop that there is no room for: it is acknowledged, and its level counts.
-fn crowded(board: &mut Board, latched: LatchedStop, received: MonoTime) -> Vec<StopAck> {
+fn crowded(
+    board: &mut Board,
+    latched: LatchedStop,
+    received: MonoTime,
+    reached: &[(StopStage, MonoTime)],
+) -> Vec<StopAck> {
     if let Some(record) = board.stop.as_mut().filter(|record| record.stops.len() == MAX_STOPS) {
         let stop =
             untold_stop(latched.level, "more stops came in than are written down one by one");
         record.stops.push(ReceivedStop { stop, received });
         record.nonce = Uuid::new_v4();
     }
-    vec![ack(board, &ReceivedStop { stop: latched, received }, StopStage::Received, received)]
+    acks_of(board, &ReceivedStop { stop: latched, received }, reached)
 }
 
 fn ack(board: &Board, stop: &ReceivedStop, stage: StopStage, stamp: MonoTime) -> StopAck {
@@ -312,6 +321,9 @@ mod tests {
         for number in 1..=2_000 {
             let (acks, _) = record(&mut board, number, StopLevel::L2);
             assert_eq!(acks[0].stop_id, Uuid::from_u128(number));
+            let stands = acks.last().is_some_and(|ack| ack.stage == StopStage::Standstill);
+            assert_eq!(stands, number > 1, "that it stands is told of each");
+            board.stages = vec![(StopStage::Standstill, at(12))];
         }
         record(&mut board, 3_000, StopLevel::L1);
         let latch = board.latch(at(20)).expect("latched");
@@ -352,6 +364,7 @@ mod tests {
     fn an_emergency_stop_that_cannot_be_seen_any_more_counts_as_pressed() {
         let mut board = board();
         let controller = LatchedStop { source: CONTROLLER.to_owned(), ..stop(1, StopLevel::L1) };
+        board.stages = vec![(StopStage::Standstill, at(10))];
         record_stop(&mut board, controller, at(10), Closing { count: 1, raised: true });
         let params = board.latch(at(20)).expect("latched").reset_params();
         let record = board.stop.take().expect("latched");

@@ -81,6 +81,18 @@ struct Content {
     stops: Vec<LatchedStop>,
 }
 
+/// Makes a folder that outlives a loss of power, if it is not there.
+fn make(folder: &Path) -> io::Result<()> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
+    match folder.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        Some(parent) => File::open(parent)?.sync_all(),
+        None => Ok(()),
+    }
+}
+
 impl StopFile {
     /// Locks the file of `robot` in `folder`, which is made if it is not there, and reads it.
     ///
@@ -91,7 +103,7 @@ impl StopFile {
             let path = path.to_owned();
             move |source| StateError::Io { path, source }
         };
-        DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(at(folder))?;
+        make(folder).map_err(at(folder))?;
         let path = folder.join(format!("{robot}.lock"));
         let lock = File::options().create(true).append(true).open(&path).map_err(at(&path))?;
         match lock.try_lock() {

@@ -159,6 +159,10 @@ impl Board {
             );
             return Err(not_ready(robot, &text).with("zone", "manual"));
         }
+        if record.stage < StopStage::Standstill {
+            // Whoever stopped it waits for the proof, and drives that are to go off have to.
+            return Err(not_ready(robot, "it was not measured to stand still yet"));
+        }
         Ok(())
     }
 

@@ -51,13 +51,14 @@ impl StopSourceAsker {
             tokio::select! {
                 biased;
                 () = self.desk.closed() => return,
-                Some(reply) = replied.recv() => self.take(&reply),
+                // Before the answers: however many come, a silence is seen.
                 _ = look.tick() => self.look(),
                 _ = ask.tick() => {
                     for name in &names {
                         self.challenge(name, replies.clone()).await;
                     }
                 }
+                Some(reply) = replied.recv() => self.take(&reply),
             }
         }
     }

@@ -121,13 +121,15 @@ fn steps_after(reason: &Why, status: &RobotStatus, known: &Known) -> Vec<String>
             let needs = status.stop.as_ref().map(|stop| &stop.reset);
             let at_arm = needs.is_some_and(|n| n.zone == ResetZone::Manual && !n.acknowledged);
             let first = if at_arm { "acknowledge it at the arm, " } else { "" };
-            format!("{first}see that it is safe, then: armada reset {robot}")
+            let key = if needs.is_some_and(|needs| needs.signed) { " --key-file FILE" } else { "" };
+            format!("{first}see that it is safe, then: armada reset {robot}{key}")
         }
         WhyCode::StopSource => format!("release {who}, and see that it can be heard"),
         WhyCode::Local => "give control back at the pendant".to_owned(),
         WhyCode::DrivesOff => format!("switch the drives on: armada enable {robot}"),
         WhyCode::DrivenBy => {
-            format!("anybody but {who}: wait, or: armada lease take {robot}")
+            let take = format!("armada lease take {robot} --role operator --reason WHY");
+            format!("anybody but {who}: wait, or: {take}")
         }
         WhyCode::LeaseStale => format!("acquire the lease: armada lease hold {robot}"),
         WhyCode::Moving => format!("wait for its end, or: armada halt {robot}"),
@@ -250,14 +252,14 @@ fn waiting(status: &RobotStatus) -> Option<Why> {
 }
 
 fn degraded_link(status: &RobotStatus, stream: &StreamStatistics) -> Option<Why> {
-    let message = if stream.starved {
-        format!("the stream starves: no sample for {:.0} ms", stream.age_ms)
-    } else if stream.allowed <= 0.0 {
+    let message = if stream.allowed <= 0.0 {
         format!(
             "the stream is refused: jitter {:.1} ms, loss {:.0} %",
             stream.jitter_ms,
             stream.loss * 1e2
         )
+    } else if stream.starved {
+        format!("the stream starves: no sample for {:.0} ms", stream.age_ms)
     } else if stream.allowed < 1.0 {
         format!(
             "the stream is slowed to {:.0} %: jitter {:.1} ms, loss {:.0} %",

@@ -1,4 +1,5 @@
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 use super::*;
 
@@ -173,6 +174,12 @@ fn run(changes: &[u64], fates: &[Fate]) -> (Vec<(u64, Press)>, Vec<bool>) {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig {
+        rng_seed: RngSeed::Fixed(10),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
     #[test]
     fn a_source_known_released_was_so_within_half_a_second_whatever_the_network_does(
         changes in prop::collection::vec(0..4_000_u64, 0..6),

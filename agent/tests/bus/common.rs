@@ -249,7 +249,6 @@ pub(crate) fn inject(emulation: &Emulation, fault: &str) {
     panic!("the emulator does not answer");
 }
 
-/// The left arm of the default cell under another name, with a port of its own.
 /// Replaces `what`, which must be there, in the robot file of a folder; nothing if it is empty.
 fn replace(folder: &Path, what: &str, with: &str) {
     if what.is_empty() {
@@ -261,6 +260,7 @@ fn replace(folder: &Path, what: &str, with: &str) {
     std::fs::write(&file, text.replace(what, with)).expect("robot file");
 }
 
+/// The left arm of the default cell under another name, with a port of its own.
 pub(crate) fn robot_file(folder: &Path, name: &str) -> PathBuf {
     let source = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../config/robots");
     let text = std::fs::read_to_string(source.join("left_arm.yaml")).expect("robot file");

@@ -12,9 +12,11 @@ use uuid::Uuid;
 use crate::common::{Bench, DEADLINE, denial, options, robot_file, stop_options};
 use crate::running::stop;
 
-/// The latched stop, once there is one.
+/// The latched stop, once there is one and the robot was measured to stand.
 async fn latched(bench: &Bench) -> StopLatch {
-    bench.status_when(|status| status.stop.is_some()).await.stop.expect("waited for")
+    let stands = |latch: &StopLatch| latch.stage >= StopStage::Standstill;
+    let status = bench.status_when(|status| status.stop.as_ref().is_some_and(stands)).await;
+    status.stop.expect("waited for")
 }
 
 async fn reset(bench: &Bench, params: ResetParams) -> Result<ResetAnswer, Denial> {
@@ -50,9 +52,6 @@ async fn a_stop_stays_latched_over_an_orderly_restart_and_its_reset_does_too() {
     // The drives were on from the start in this robot's file; a latched stop keeps them off.
     let refused = denial(bench.client.call::<Enable>(&bench.robot, Empty {}).await);
     assert_eq!(refused.code, DenialCode::Stopped, "{refused}");
-    let stands = |latch: &StopLatch| latch.stage >= StopStage::Standstill;
-    let status = bench.status_when(|s| s.stop.as_ref().is_some_and(stands)).await;
-    let latch = status.stop.expect("measured again");
     let answer = reset(&bench, latch.reset_params()).await.expect("reset");
     assert_eq!(answer.cleared, [id]);
     bench.restart().await;

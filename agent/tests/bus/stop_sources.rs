@@ -50,9 +50,11 @@ async fn latched(bench: &Bench, stops: usize) -> StopLatch {
     bench.status_when(enough).await.stop.expect("waited for")
 }
 
-/// Resets what is latched, once the door is known to be released.
+/// Resets what is latched, once the door is known to be released and the robot to stand.
 async fn reset(bench: &Bench) {
-    let status = bench.status_when(|s| s.stop.is_some() && !door(s).pressed).await;
+    let stands = |latch: &StopLatch| latch.stage >= StopStage::Standstill;
+    let ready = |s: &RobotStatus| s.stop.as_ref().is_some_and(stands) && !door(s).pressed;
+    let status = bench.status_when(ready).await;
     let params = status.stop.expect("latched").reset_params();
     bench.client.call::<Reset>(&bench.robot, params).await.expect("reset");
     bench.status_when(|s| s.stop.is_none()).await;

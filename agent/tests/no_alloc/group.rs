@@ -80,4 +80,5 @@ fn motions_with_partners_their_pauses_and_their_ends_allocate_nothing() {
     rig.tick([Order::Follow(order)]);
     rig.ticks(500);
     assert!(rig.tick([]).snapshot.motion.is_none());
+    rig.expect_mode(CommandMode::Trajectory);
 }

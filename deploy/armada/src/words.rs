@@ -338,6 +338,7 @@ mod tests {
             starved,
             jitter_ms: 0.4,
             loss: 0.0,
+            state_age_ms: 8.0,
             allowed: 1.0,
         };
         assert_eq!(
@@ -359,6 +360,7 @@ mod tests {
                 starved,
                 jitter_ms,
                 loss,
+                state_age_ms: 0.0,
                 allowed,
             })
         };

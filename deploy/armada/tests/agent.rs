@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientOptions};
-use armada_protocol::messages::{RobotFlags, RobotStatus};
+use armada_protocol::messages::{RobotFlags, RobotStatus, StopStage};
 use armada_protocol::method::robot::Reset;
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -173,7 +173,9 @@ async fn an_agent_that_is_killed_is_followed_by_one_that_is_stopped_until_a_rese
     status_when(&client, "drives on", |s| s.flags.contains(RobotFlags::ENABLED)).await;
     drop(agent);
     let (agent, client) = start().await;
-    let status = status_when(&client, "a stop from the start", |s| s.stop.is_some()).await;
+    let stands =
+        |s: &RobotStatus| s.stop.as_ref().is_some_and(|l| l.stage >= StopStage::Standstill);
+    let status = status_when(&client, "a stop from the start", stands).await;
     let latch = status.stop.expect("waited for");
     let sources: Vec<_> = latch.stops.iter().map(|stop| stop.source.as_str()).collect();
     assert_eq!(sources, ["agent_lost"]);

@@ -70,11 +70,32 @@ fn latency_measures_both_publishers() {
 }
 
 #[test]
-fn stop_measures_every_stage_of_both_robots() {
-    let report = report(&["stop", "--rounds", "2", "--policy", "other", "--json"]);
-    let stages = ["A1 received", "A2 commanded", "A3 standstill"];
-    assert_measured(&report, &["A1 received, the slowest arm", "raw query and reply", "ratio"]);
-    assert_measured(&report, &stages);
+fn stop_measures_every_stage_of_arms_that_are_flooded_too() {
+    for flood in ["0", "500"] {
+        let arguments = ["stop", "--rounds", "2", "--arms", "3", "--flood", flood];
+        let report = report(&[&arguments[..], &["--policy", "other", "--json"]].concat());
+        let stages = ["A1 received", "A2 commanded", "A3 standstill"];
+        assert_measured(&report, &["A1 received, the slowest arm", "raw query and reply", "ratio"]);
+        assert_measured(&report, &stages);
+        let flooded = report["settings"]["flooded_hz"].as_f64().unwrap_or_default();
+        assert_eq!(flooded > 100.0, flood == "500", "{report:#}");
+    }
+}
+
+#[test]
+fn lease_measures_when_the_holder_has_lost_it_and_is_told() {
+    let report = report(&["lease", "--rounds", "2", "--policy", "other", "--json"]);
+    assert_measured(&report, &["the holder has lost it", "the holder is told", "is granted it"]);
+}
+
+/// Nothing runs beside it (`.config/nextest.toml`): arms that do not hear each other stop.
+#[test]
+fn group_measures_starts_phases_and_the_loss_of_a_partner() {
+    let report = report(&["group", "--rounds", "2", "--policy", "other", "--json"]);
+    assert_measured(
+        &report,
+        &["difference of phase", "longest silence", "silence when it aborted"],
+    );
 }
 
 #[test]

@@ -30,8 +30,9 @@ use super::plan;
 const PROVISIONAL_MS: u64 = 500;
 /// How long one robot may take; shorter than a provisional lease lasts.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_millis(400);
-/// The same for renewing and releasing, which are repeated if they are not answered.
-const REPEATED_TIMEOUT: Duration = Duration::from_millis(500);
+/// The same for renewing and releasing, which are repeated if they are not answered; all together is
+/// less than the client waits.
+const REPEATED_TIMEOUT: Duration = Duration::from_millis(300);
 const ATTEMPTS: u32 = 3;
 /// When no further robot is asked; the client waits for four seconds.
 const PATIENCE: Duration = Duration::from_millis(1_500);
@@ -171,10 +172,7 @@ impl LeaseOperation {
     }
 
     fn on_refusal(&mut self, robot: &RobotName, denial: Denial, outbox: &mut Outbox) {
-        let is_unknown = matches!(
-            denial.code,
-            DenialCode::Timeout | DenialCode::Unreachable | DenialCode::CommunicationLost
-        );
+        let is_unknown = plan::is_unknown(&denial);
         let tries = self.waiting.get(robot).copied().unwrap_or_default();
         // To acquire again could find the lease that the lost answer told of.
         if is_unknown && self.stage != Stage::Acquiring && tries < ATTEMPTS {
@@ -182,7 +180,11 @@ impl LeaseOperation {
             return self.ask(robot, outbox);
         }
         self.waiting.remove(robot);
-        if self.stage == Stage::Releasing && self.wanted == Stage::Acquiring {
+        let is_gone = denial.code == DenialCode::LeaseStale;
+        if self.stage == Stage::Releasing && tries > 1 && is_gone {
+            // The answer to the first was lost.
+            self.released.push(robot.clone());
+        } else if self.stage == Stage::Releasing && self.wanted == Stage::Acquiring {
             // Somebody else's, or run out, is as good as released.
             if is_unknown {
                 self.unreleased.push(robot.clone());

@@ -215,7 +215,7 @@ impl Coordinator {
             }
             Purpose::Reset(number) => {
                 if let Some(reset) = self.resets.get_mut(&number) {
-                    reset.on_answer(&robot, result, &mut self.outbox);
+                    reset.on_answer(&robot, result);
                 }
             }
             Purpose::Control(number) => {

@@ -219,6 +219,12 @@ pub(super) fn offline(robot: &RobotName) -> Denial {
     of(robot, DenialCode::Unreachable, "its agent is not on the bus")
 }
 
+/// Whether nobody knows what became of what was asked.
+pub(super) const fn is_unknown(denial: &Denial) -> bool {
+    use DenialCode::{CommunicationLost, Timeout, Unreachable};
+    matches!(denial.code, Timeout | Unreachable | CommunicationLost)
+}
+
 /// A denial because of one robot.
 pub(super) fn of(robot: &RobotName, code: DenialCode, message: &str) -> Denial {
     Denial::new(code, format!("{robot}: {message}")).with("robot", robot.as_str())

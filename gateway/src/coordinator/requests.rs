@@ -130,7 +130,7 @@ impl Coordinator {
         control: Control,
     ) -> Result<(), Denial> {
         let group = self.groups.get(&motion_id).ok_or_else(|| no_motion(motion_id))?;
-        let robots = group.controlled(client, lease, control)?;
+        let robots = group.controlled(lease, control)?;
         let number = self.next_number();
         let order = ControlOrder { ticket, client, motion_id, control, robots };
         let operation = ControlOperation::begin(number, order, &mut self.outbox);
@@ -226,7 +226,7 @@ impl Coordinator {
         if let Some(stop) = self.stops.get_mut(&request.stop_id) {
             return stop.join(ticket);
         }
-        let robots = self.robots.keys();
+        let robots = self.robots.iter().map(|(robot, record)| (robot, record.stop_time));
         let stop = StopOperation::begin(request.clone(), ticket, robots, now, &mut self.outbox);
         self.stops.insert(request.stop_id, stop);
         self.each_group(now, |group, cx| group.on_stop(&request, cx));

@@ -1,8 +1,7 @@
-//! A reset of latched stops: each robot is asked which stops hold it, and told to clear these.
+//! A reset of latched stops: each robot is told to clear what whoever asks was shown.
 //!
-//! Stops that come in between are not cleared: the agent refuses a list that is not complete, or a
-//! number that is of the past. A robot that asks for a signature gets the reset that the client
-//! signed for it; the gateway has no key.
+//! Stops that came since are not cleared: the agent refuses a list that is not complete, or a number
+//! that is of the past. The gateway makes no list of its own and has no key.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -10,7 +9,7 @@ use std::time::Duration;
 use armada_model::MonoTime;
 use armada_protocol::RobotName;
 use armada_protocol::messages::{
-    CellResetAnswer, CellResetParams, Denial, DenialCode, EventKind, ResetParams, Severity,
+    CellResetAnswer, CellResetParams, Denial, DenialCode, EventKind, Severity,
 };
 use serde_json::Map;
 
@@ -19,7 +18,7 @@ use super::outbox::{Happening, Outbox, Purpose, Question};
 use super::plan;
 use super::robot::RobotRecord;
 
-const STATUS_TIMEOUT: Duration = Duration::from_millis(1_000);
+/// How long an agent may take, which writes to a disk.
 const RESET_TIMEOUT: Duration = Duration::from_millis(2_000);
 
 /// A request for a reset.
@@ -37,13 +36,11 @@ pub(super) struct ResetOperation {
     ticket: Option<Ticket>,
     /// Robots whose agents have not answered yet.
     waiting: BTreeSet<RobotName>,
-    /// What the client signed.
-    signed: BTreeMap<RobotName, ResetParams>,
     answer: CellResetAnswer,
 }
 
 impl ResetOperation {
-    /// Begins with every robot that is named, or all of `robots` if none is.
+    /// Begins with every robot that is named.
     pub(super) fn begin(
         order: ResetOrder,
         robots: &BTreeMap<RobotName, RobotRecord>,
@@ -51,23 +48,13 @@ impl ResetOperation {
     ) -> Self {
         let ResetOrder { number, ticket, client, params } = order;
         let answer = CellResetAnswer { reset: Vec::new(), refused: Vec::new() };
-        let (waiting, signed) = (BTreeSet::new(), params.signed);
-        let wanted: BTreeSet<_> = if params.robots.is_empty() {
-            robots.keys().chain(signed.keys()).cloned().collect()
-        } else {
-            params.robots.into_iter().collect()
-        };
-        let mut reset = Self { number, client, ticket: Some(ticket), waiting, signed, answer };
-        for robot in reset.signed.keys().filter(|robot| !wanted.contains(*robot)) {
-            let message = "signed has a reset for it, but robots does not name it";
-            let denial = plan::of(robot, DenialCode::InvalidArgument, message);
-            reset.answer.refused.push((robot.clone(), denial.with("field", "signed")));
-        }
-        for robot in wanted {
+        let mut reset =
+            Self { number, client, ticket: Some(ticket), waiting: BTreeSet::new(), answer };
+        for (robot, params) in params.resets {
             match robots.get(&robot) {
                 None => {
-                    let denial =
-                        plan::of(&robot, DenialCode::InvalidArgument, "the cell has no such robot");
+                    let text = "the cell has no such robot";
+                    let denial = plan::of(&robot, DenialCode::InvalidArgument, text);
                     reset.answer.refused.push((robot, denial));
                 }
                 Some(record) if !record.is_online() => {
@@ -75,7 +62,7 @@ impl ResetOperation {
                     reset.answer.refused.push((robot, denial));
                 }
                 Some(_) => {
-                    reset.ask(&robot, AgentCall::Status, STATUS_TIMEOUT, outbox);
+                    reset.ask(&robot, AgentCall::Reset(Box::new(params)), outbox);
                     reset.waiting.insert(robot);
                 }
             }
@@ -87,28 +74,11 @@ impl ResetOperation {
         self.ticket.is_none()
     }
 
-    pub(super) fn on_answer(
-        &mut self,
-        robot: &RobotName,
-        result: Result<AgentAnswer, Denial>,
-        outbox: &mut Outbox,
-    ) {
+    pub(super) fn on_answer(&mut self, robot: &RobotName, result: Result<AgentAnswer, Denial>) {
         if !self.waiting.contains(robot) {
             return;
         }
         match result {
-            Ok(AgentAnswer::Status(status)) => {
-                let Some(latch) = status.stop else {
-                    self.waiting.remove(robot);
-                    return self.answer.reset.push((robot.clone(), Vec::new()));
-                };
-                let params = match self.signed.remove(robot) {
-                    Some(signed) => signed,
-                    None if latch.reset.signed => return self.refuse_unsigned(robot),
-                    None => latch.reset_params(),
-                };
-                self.ask(robot, AgentCall::Reset(Box::new(params)), RESET_TIMEOUT, outbox);
-            }
             Ok(AgentAnswer::Reset(answer)) => {
                 self.waiting.remove(robot);
                 self.answer.reset.push((robot.clone(), answer.cleared));
@@ -119,13 +89,6 @@ impl ResetOperation {
                 self.answer.refused.push((robot.clone(), plan::by(robot, denial)));
             }
         }
-    }
-
-    fn refuse_unsigned(&mut self, robot: &RobotName) {
-        let message = "its reset has to be signed with its reset key: give it in signed";
-        let denial = plan::of(robot, DenialCode::NotReady, message).with("field", "signed");
-        self.waiting.remove(robot);
-        self.answer.refused.push((robot.clone(), denial));
     }
 
     /// Answers the client once every robot has answered.
@@ -149,8 +112,9 @@ impl ResetOperation {
         outbox.answer(ticket, Ok(CellAnswer::Reset(self.answer.clone())));
     }
 
-    fn ask(&self, robot: &RobotName, call: AgentCall, timeout: Duration, outbox: &mut Outbox) {
+    fn ask(&self, robot: &RobotName, call: AgentCall, outbox: &mut Outbox) {
         let (client, purpose) = (self.client.as_str(), Purpose::Reset(self.number));
+        let timeout = RESET_TIMEOUT;
         outbox.ask(Question { robot, client, lease: None, call, timeout, purpose });
     }
 }

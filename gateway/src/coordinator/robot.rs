@@ -44,6 +44,8 @@ pub(super) struct RobotRecord {
     pub(super) model_rev: Option<u64>,
     /// Period of its control loop.
     pub(super) period: Duration,
+    /// Within what time of a stop it is measured to stand, as it declares; kept when it is gone.
+    pub(super) stop_time: Option<Duration>,
     pub(super) status: Option<Box<RobotStatus>>,
     state: Option<StateView>,
     rate: RateMeter,
@@ -118,6 +120,7 @@ impl RobotRecord {
         self.model_rev = Some(info.model_rev);
         // A period that makes no sense is none.
         self.period = Duration::try_from_secs_f64(1e-3 * info.period_ms).unwrap_or_default();
+        self.stop_time = Duration::try_from_secs_f64(info.stop_time_s).ok();
     }
 
     /// Whether info or status is still unknown.
@@ -152,7 +155,7 @@ impl RobotRecord {
             faults: status.map(|status| status.faults.clone()).unwrap_or_default(),
             authority: present.map(|status| status.authority),
             lease: present.and_then(|status| status.lease.clone()),
-            why: status.map(|status| status.why.clone()).unwrap_or_default(),
+            why: present.map(|status| status.why.clone()).unwrap_or_default(),
             queued: present
                 .map_or(0, |status| u32::try_from(status.queued.len()).unwrap_or(u32::MAX)),
             speed_ratio: present.map(|status| status.speed_ratio),
@@ -183,7 +186,10 @@ impl RobotRecord {
 /// Whether two statuses differ in more than times and counters.
 fn differs(old: &RobotStatus, new: &RobotStatus) -> bool {
     let motion = |status: &RobotStatus| status.motion.as_ref().map(|m| (m.id, m.status));
-    let holder = |status: &RobotStatus| status.lease.as_ref().map(|lease| lease.holder.clone());
+    let holder = |status: &RobotStatus| {
+        status.lease.as_ref().map(|lease| (lease.holder.clone(), lease.role, lease.stale))
+    };
+    let why = |status: &RobotStatus| status.why.iter().map(|why| why.code).collect::<Vec<_>>();
     old.command_mode != new.command_mode
         || old.operational_mode != new.operational_mode
         || old.controller_state != new.controller_state
@@ -192,6 +198,10 @@ fn differs(old: &RobotStatus, new: &RobotStatus) -> bool {
         || old.faults != new.faults
         || motion(old) != motion(new)
         || holder(old) != holder(new)
+        || old.authority != new.authority
+        || old.speed_ratio != new.speed_ratio
+        || old.queued.len() != new.queued.len()
+        || why(old) != why(new)
 }
 
 /// Counts what came in over the last second.

@@ -3,8 +3,9 @@
 //! The stop is published again and again until every robot in scope has it, and every agent is
 //! asked directly as well. The verdict comes from what the agents measured, never from silence.
 //!
-//! A robot that is not measured to stand in time is stopped harder: what was `L2` becomes `L1` and
-//! then `L0`, under the same identity, for the robots that are late and for no others.
+//! A robot that is not measured to stand within the time that its agent declares is stopped harder:
+//! what was `L2` becomes `L1` and then `L0`, under the same identity, for the robots that are late
+//! and for no others.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -28,9 +29,11 @@ const FAST_PHASE: Duration = Duration::from_millis(500);
 const SLOW_REPEAT: Duration = Duration::from_millis(250);
 /// When the verdict is given at the latest; shorter than the method's time-out.
 const DEADLINE: Duration = Duration::from_millis(4_000);
-/// How long robots have to stand still before they are stopped harder, and again before the last
-/// level: longer than a robot takes from its full speed.
+/// How long a robot has at least to stand still before it is stopped harder, and again before the
+/// last level; more if it declares that it takes longer.
 const RAISE_AFTER: Duration = Duration::from_millis(1_500);
+/// What the stop's way to a robot and its acknowledgement's way back may add to what it declares.
+const WAYS: Duration = Duration::from_millis(250);
 /// How long an agent has to answer before it is asked again.
 const ASK_TIMEOUT: Duration = Duration::from_millis(1_000);
 
@@ -38,7 +41,7 @@ const ASK_TIMEOUT: Duration = Duration::from_millis(1_000);
 pub(super) struct StopOperation {
     request: StopRequest,
     /// Configured robots in scope.
-    robots: BTreeSet<RobotName>,
+    robots: BTreeMap<RobotName, Rung>,
     /// Names in scope that no robot of the cell has; they can never stand still.
     strangers: Vec<RobotName>,
     tickets: Vec<Ticket>,
@@ -47,27 +50,40 @@ pub(super) struct StopOperation {
     asked: BTreeSet<RobotName>,
     begun: MonoTime,
     next_repeat: MonoTime,
-    /// When robots that are late are stopped harder.
-    next_raise: MonoTime,
-    /// Level for robots that are late, once it was raised.
-    raised: Option<StopLevel>,
     is_over: bool,
 }
 
+/// How hard one robot is stopped.
+#[derive(Clone, Copy, Debug)]
+struct Rung {
+    level: StopLevel,
+    /// How long it has to stand still at each level.
+    time: Duration,
+    /// When that is over.
+    due: MonoTime,
+}
+
 impl StopOperation {
+    /// Of robots that are `configured`, each with the stop time that it declares, if it is known.
     pub(super) fn begin<'r>(
         request: StopRequest,
         ticket: Ticket,
-        configured: impl Iterator<Item = &'r RobotName>,
+        configured: impl Iterator<Item = (&'r RobotName, Option<Duration>)>,
         now: MonoTime,
         outbox: &mut Outbox,
     ) -> Self {
-        let robots: BTreeSet<_> =
-            configured.filter(|robot| request.scope.includes(robot)).cloned().collect();
+        let rung = |declared: Option<Duration>| {
+            let time = declared.map_or(RAISE_AFTER, |time| RAISE_AFTER.max(time + WAYS));
+            Rung { level: request.level, time, due: now + time }
+        };
+        let robots: BTreeMap<_, _> = configured
+            .filter(|(robot, _)| request.scope.includes(robot))
+            .map(|(robot, declared)| (robot.clone(), rung(declared)))
+            .collect();
         let strangers = match &request.scope {
             StopScope::Cell => Vec::new(),
             StopScope::Robots(named) => {
-                named.iter().filter(|robot| !robots.contains(*robot)).cloned().collect()
+                named.iter().filter(|robot| !robots.contains_key(*robot)).cloned().collect()
             }
         };
         let mut stop = Self {
@@ -79,8 +95,6 @@ impl StopOperation {
             asked: BTreeSet::new(),
             begun: now,
             next_repeat: now + REPEAT,
-            next_raise: now + RAISE_AFTER,
-            raised: None,
             is_over: false,
         };
         // First of all, before anything is written down.
@@ -96,7 +110,7 @@ impl StopOperation {
     }
 
     pub(super) fn concerns(&self, robot: &RobotName) -> bool {
-        self.robots.contains(robot)
+        self.robots.contains_key(robot)
     }
 
     /// The same stop was asked for again: one more client waits for the verdict.
@@ -105,12 +119,16 @@ impl StopOperation {
     }
 
     pub(super) fn next_deadline(&self) -> MonoTime {
-        self.next_repeat.min(self.next_raise).min(self.begun + DEADLINE)
+        let due = self.robots.iter().filter(|(robot, rung)| {
+            rung.level.harder().is_some() && !self.has_reached(robot, StopStage::Standstill)
+        });
+        let first = due.map(|(_, rung)| rung.due).fold(self.begun + DEADLINE, MonoTime::min);
+        self.next_repeat.min(first)
     }
 
     /// Takes a stage; a late lower one takes nothing back.
     pub(super) fn on_ack(&mut self, ack: &StopAck, now: MonoTime, outbox: &mut Outbox) {
-        if ack.stop_id != self.request.stop_id || !self.robots.contains(&ack.robot) {
+        if ack.stop_id != self.request.stop_id || !self.robots.contains_key(&ack.robot) {
             return;
         }
         if self.reached.get(&ack.robot).is_none_or(|known| known.stage < ack.stage) {
@@ -128,10 +146,7 @@ impl StopOperation {
         if now >= self.begun + DEADLINE {
             return self.finish(now, outbox);
         }
-        if now >= self.next_raise {
-            self.next_raise = now + RAISE_AFTER;
-            self.raise(now, outbox);
-        }
+        self.raise(now, outbox);
         if now >= self.next_repeat {
             self.repeat_raised(outbox);
             if !self.all_reached(StopStage::Received) {
@@ -146,35 +161,49 @@ impl StopOperation {
 
     /// Stops robots harder that are late.
     fn raise(&mut self, now: MonoTime, outbox: &mut Outbox) {
-        let level = match self.raised.unwrap_or(self.request.level) {
-            StopLevel::L2 => StopLevel::L1,
-            StopLevel::L1 => StopLevel::L0,
-            StopLevel::L0 => return,
-        };
-        self.raised = Some(level);
-        let request = self.repeat_raised(outbox);
-        let StopScope::Robots(late) = &request.scope else { return };
-        let names: Vec<_> = late.iter().map(RobotName::as_str).collect();
-        let what = format!("not known to stand still in time, raised: {}", names.join(", "));
-        for robot in late {
-            self.asked.insert(robot.clone());
-            self.ask(robot, &request, outbox);
+        let mut late: BTreeMap<StopLevel, Vec<RobotName>> = BTreeMap::new();
+        for (robot, rung) in &mut self.robots {
+            let stands = self.reached.get(robot).is_some_and(|a| a.stage >= StopStage::Standstill);
+            if let Some(level) = rung.level.harder().filter(|_| now >= rung.due && !stands) {
+                (rung.level, rung.due) = (level, now + rung.time);
+                late.entry(level).or_default().push(robot.clone());
+            }
         }
-        outbox.record(now, happening(&request, Severity::Error, &what));
+        for (level, robots) in late {
+            let request = self.publish_raised(level, robots.clone(), outbox);
+            for robot in &robots {
+                self.asked.insert(robot.clone());
+                self.ask(robot, &request, outbox);
+            }
+            let names: Vec<_> = robots.iter().map(RobotName::as_str).collect();
+            let what = format!("not known to stand still in time, raised: {}", names.join(", "));
+            outbox.record(now, happening(&request, Severity::Error, &what));
+        }
     }
 
-    /// Publishes the raised stop for robots that are late; returns it.
-    fn repeat_raised(&mut self, outbox: &mut Outbox) -> StopRequest {
-        let level = self.raised.unwrap_or(self.request.level);
-        let late = self.robots.iter().filter(|r| !self.has_reached(r, StopStage::Standstill));
-        let scope = StopScope::Robots(late.cloned().collect());
-        if self.raised.is_some() {
-            self.request.seq += 1;
+    /// Publishes again what was raised for robots that still do not stand.
+    fn repeat_raised(&mut self, outbox: &mut Outbox) {
+        let mut late: BTreeMap<StopLevel, Vec<RobotName>> = BTreeMap::new();
+        for (robot, rung) in &self.robots {
+            if rung.level > self.request.level && !self.has_reached(robot, StopStage::Standstill) {
+                late.entry(rung.level).or_default().push(robot.clone());
+            }
         }
+        for (level, robots) in late {
+            self.publish_raised(level, robots, outbox);
+        }
+    }
+
+    fn publish_raised(
+        &mut self,
+        level: StopLevel,
+        robots: Vec<RobotName>,
+        outbox: &mut Outbox,
+    ) -> StopRequest {
+        self.request.seq += 1;
+        let scope = StopScope::Robots(robots);
         let request = StopRequest { level, scope, ..self.request.clone() };
-        if self.raised.is_some() {
-            outbox.push(Action::PublishStop(request.clone()));
-        }
+        outbox.push(Action::PublishStop(request.clone()));
         request
     }
 
@@ -192,7 +221,7 @@ impl StopOperation {
     fn ask_silent(&mut self, outbox: &mut Outbox) {
         let silent: Vec<_> = self
             .robots
-            .iter()
+            .keys()
             .filter(|robot| !self.reached.contains_key(*robot))
             .cloned()
             .collect();
@@ -208,7 +237,7 @@ impl StopOperation {
     }
 
     fn all_reached(&self, stage: StopStage) -> bool {
-        self.robots.iter().all(|robot| self.has_reached(robot, stage))
+        self.robots.keys().all(|robot| self.has_reached(robot, stage))
     }
 
     fn conclude(&mut self, now: MonoTime, outbox: &mut Outbox) {
@@ -243,7 +272,7 @@ impl StopOperation {
     fn report(&self) -> StopReport {
         let moving = |robot: &&RobotName| !self.has_reached(robot, StopStage::Standstill);
         let missing: Vec<_> =
-            self.robots.iter().filter(moving).chain(&self.strangers).cloned().collect();
+            self.robots.keys().filter(moving).chain(&self.strangers).cloned().collect();
         // A stop that nobody was to follow proves nothing.
         let complete = missing.is_empty() && !self.robots.is_empty();
         StopReport {

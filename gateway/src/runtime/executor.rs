@@ -102,8 +102,8 @@ impl Executor {
                 result = next_of(&mut self.checks) => self.take_check(result).await,
                 () = intake.slots.wake.notified() => self.take_slots(&intake.slots).await,
                 Some(sample) = intake.motions.recv() => self.take_motion(&sample).await,
-                Some(sample) = intake.events.recv() => self.take_event(&sample).await,
                 Some(order) = orders.others.recv() => self.take_order(order).await,
+                Some(sample) = intake.events.recv() => self.take_event(&sample).await,
                 _ = frames.tick() => self.take_states(&intake.slots).await,
                 () = sleep_until(deadline) => self.handle(Input::Timer).await,
             }

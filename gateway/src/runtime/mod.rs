@@ -79,8 +79,8 @@ impl From<zenoh::Error> for GatewayError {
 
 /// Runs the gateway of a cell until `shutdown` is done; sends on `ready` once it can be asked.
 ///
-/// At its end it aborts the motions it watches, says so, and closes its session. No stop depends
-/// on it: agents hear stops without it.
+/// At its end it refuses what has not begun, says that what runs goes on without it, and closes its
+/// session. No stop depends on it: agents hear stops without it.
 ///
 /// # Errors
 /// [`GatewayError::Session`] if it cannot listen, [`GatewayError::Zenoh`] if a key cannot be

@@ -17,25 +17,29 @@ class Repeater:
         """`work` returns whether to go on; it raises nothing."""
         self._period_s = period_s
         self._work = work
-        self._ending: Inbox[None] = waiting.inbox(1)
+        self._calls: Inbox[bool] = waiting.inbox(1)
         self._going: Background = waiting.background(self._go())
 
     async def _go(self) -> None:
         due = time.monotonic() + self._period_s
-        while not await self._ended_before(due):
+        while True:
+            try:
+                called = await self._calls.next(max(0.0, due - time.monotonic()))
+            except TimeoutError:
+                # What was missed is not made up for.
+                due = max(due + self._period_s, time.monotonic())
+            else:
+                if called is None:
+                    return
+                due = time.monotonic() + self._period_s
             if not await self._work():
                 return
-            # What was missed is not made up for.
-            due = max(due + self._period_s, time.monotonic())
 
-    async def _ended_before(self, due: float) -> bool:
-        try:
-            await self._ending.next(max(0.0, due - time.monotonic()))
-        except TimeoutError:
-            return False
-        return True
+    def now(self) -> None:
+        """Does it now, and then a period later; called on any thread, never blocks."""
+        self._calls.put(True)
 
     async def end(self) -> None:
         """Ends it and waits until nothing of it is in progress; ending twice does nothing."""
-        self._ending.close()
+        self._calls.close()
         await self._going.join()

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from uuid import UUID
 
-from .messages import ResetParams, RobotStatus, StopChallenge
+from .messages import ResetParams, StopChallenge, StopLatch
 
 _WHITE_SPACE = b" \t\n\r\f"
 _NO_NONCE = UUID(int=0)
@@ -46,6 +46,11 @@ class SigningKey:
         stops = ",".join(sorted(str(stop_id) for stop_id in stop_ids))
         return self._sign("armada-reset", robot, str(boot_id), str(nonce), stops)
 
+    def signed(self, robot: str, boot_id: UUID, reset: ResetParams) -> ResetParams:
+        """A reset with its signature."""
+        signature = self.sign_reset(robot, boot_id, reset.nonce, reset.stop_ids)
+        return ResetParams(stop_ids=reset.stop_ids, nonce=reset.nonce, signature=signature)
+
     def sign_check_in(self, source: str, challenge: StopChallenge, *, pressed: bool) -> str:
         """The signature of a stop source's answer."""
         word = "pressed" if pressed else "released"
@@ -55,15 +60,9 @@ class SigningKey:
         return hmac.new(self.secret, "\n".join(lines).encode(), hashlib.sha256).hexdigest()
 
 
-def reset_params(
-    status: RobotStatus, stop_ids: Collection[UUID] | None, key: SigningKey | None
-) -> ResetParams:
-    """The reset of a robot: of all its stops, or of these, signed if there is a key."""
-    latch = status.stop
+def reset_params(latch: StopLatch | None, stop_ids: Collection[UUID] | None) -> ResetParams:
+    """The reset of what a robot has latched: of all its stops, or of these; not signed."""
     if stop_ids is None:
         stop_ids = () if latch is None else [stop.stop_id for stop in latch.stops]
     nonce = _NO_NONCE if latch is None else latch.reset.nonce
-    signature = None
-    if key is not None:
-        signature = key.sign_reset(status.robot, status.boot_id, nonce, stop_ids)
-    return ResetParams(stop_ids=tuple(stop_ids), nonce=nonce, signature=signature)
+    return ResetParams(stop_ids=tuple(stop_ids), nonce=nonce)

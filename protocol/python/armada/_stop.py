@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 from uuid import UUID
@@ -18,6 +19,7 @@ from ._waiting import Inbox
 from .errors import CodecError, NotConnected
 from .messages import (
     StopAck,
+    StopLevel,
     StopReport,
     StopRequest,
     StopScopeRobots,
@@ -30,6 +32,10 @@ REPEAT_S = 0.01
 """Pause between repetitions of a stop until every robot has it."""
 ASK_AGAIN_S = 0.2
 """Pause before agents are asked again, in case an acknowledgement was lost."""
+_HARDER = {StopLevel.L2: StopLevel.L1, StopLevel.L1: StopLevel.L0}
+"""The level above each, which is what a robot that does not come to rest is asked for."""
+_HARDER_TIMES = 5
+"""How often it is asked for it."""
 
 
 class Ladder:
@@ -156,7 +162,23 @@ class Stop:
                 repeat_at = now + REPEAT_S
             await self._hear_until(min(deadline, repeat_at))
             now = time.monotonic()
-        return self._ladder.report()
+        report = self._ladder.report()
+        await self._ask_harder(report)
+        return report
+
+    async def _ask_harder(self, report: StopReport) -> None:
+        """Asks again, one level harder, those that are not known to stand."""
+        level = _HARDER.get(self._request.level)
+        if not report.missing or level is None:
+            return
+        scope = StopScopeRobots(robots=tuple(report.missing))
+        self._request = msgspec.structs.replace(self._request, level=level, scope=scope)
+        for _ in range(_HARDER_TIMES):
+            # Whoever asked has the report all the same, which says INCOMPLETE.
+            with suppress(NotConnected):
+                self._publish()
+                self._ask(REPEAT_S)
+            await self._bus.waiting.pause(REPEAT_S)
 
     def _is_over(self) -> bool:
         return self._looking == 0 and self._ladder.all_reached(StopStage.STANDSTILL)

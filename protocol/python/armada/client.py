@@ -215,7 +215,8 @@ class Cell:
     def set_speed_ratio(self, motion_id: UUID, ratio: float) -> float:
         """Changes the speed of a motion of several robots; returns the ratio in force.
 
-        It is the speed over that of the trajectory, 0.01 to 1.
+        It is the speed over that of the trajectory, 0.01 to 1, and holds for all later motions of
+        its robots as well, until it is changed again.
         """
         return run(self._inner.set_speed_ratio(motion_id, ratio))
 

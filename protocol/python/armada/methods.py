@@ -215,7 +215,7 @@ CELL_PAUSE: Final = Method("pause", 4.0, MotionParams, Empty)
 CELL_RESUME: Final = Method("resume", 4.0, MotionParams, Empty)
 """Goes on with a paused motion of several robots."""
 CELL_SET_SPEED_RATIO: Final = Method("set_speed_ratio", 4.0, CellSpeedRatioParams, SpeedRatioAnswer)
-"""Changes the speed of a motion of several robots."""
+"""Changes the speed of a motion of several robots, and of all later ones of its robots."""
 CELL_ACQUIRE_LEASE: Final = Method("acquire_lease", 4.0, CellAcquireLeaseParams, GroupLease)
 """Gets the leases of several robots, all or none."""
 CELL_RENEW_LEASE: Final = Method("renew_lease", 4.0, CellLeaseParams, GroupLease)

@@ -397,7 +397,7 @@ class Gateway(Node):
         self.session.liveliness().declare_subscriber("robots/*/alive", self._presence, history=True)
         self.motions = Motions(self, "cell/motions", "cell_motion_status")
         self.serve_value("cell/info", self._info)
-        self.serve_value("cell/status", lambda: golden("cell_status"))
+        self.serve_value("cell/status", self._status)
         self.handlers = {
             "execute_trajectory": lambda params: self.motions.accept(params["motion_id"]),
             "cancel": self._cancel,
@@ -407,7 +407,7 @@ class Gateway(Node):
             "check_clearance": lambda _: golden("answer_clearance"),
             "reset": lambda params: (
                 golden("answer_cell_reset")
-                | {"reset": [[robot, [str(UUID(int=0))]] for robot in params["robots"]]}
+                | {"reset": [[robot, [str(UUID(int=0))]] for robot in params["resets"]]}
             ),
         }
         self.serve_rpc("cell/rpc")
@@ -416,6 +416,12 @@ class Gateway(Node):
         row = golden("cell_info")["robots"][0]
         rows = [row | {"robot": a.name, "endpoint": a.endpoint} for a in self.agents]
         return golden("cell_info") | {"robots": rows}
+
+    def _status(self) -> Json:
+        sample = golden("cell_status")
+        row = sample["robots"]["left_arm"]
+        rows = {a.name: row | {"stop": a.status.get("stop")} for a in self.agents}
+        return sample | {"robots": sample["robots"] | rows}
 
     def _cancel(self, params: Json) -> Json:
         assert params["motion_id"] == self.motions.last

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 import armada
 from armada import DenialCode, DeniedError, LeaseLost, aio
 
-from .fleet import DEADLINE_S, LEASE, Agent, Json, Refused
+from .fleet import DEADLINE_S, LEASE, Agent, Json, Refused, golden
 
 
 def refuse(code: str, message: str, **details: object) -> Callable[[Json], Json]:
@@ -46,6 +47,26 @@ def test_it_is_renewed_beside_the_program(cell: armada.Cell, left: Agent) -> Non
     with cell.robot("left_arm").lease(ttl_s=0.2):
         assert renewed(left, 3)
     assert {row["params"]["lease"] for row in left.of_method("renew_lease")} == {LEASE}
+
+
+def test_that_somebody_took_it_is_known_long_before_the_next_renewal(
+    cell: armada.Cell, left: Agent
+) -> None:
+    told = threading.Event()
+    lease = cell.robot("left_arm").lease(ttl_s=60.0, on_lost=lambda _: told.set())
+    news = {**golden("event"), "kind": "lease", "message": "hmi (operator) took it"}
+    deadline = time.monotonic() + DEADLINE_S
+    while not left.of_method("renew_lease") and time.monotonic() < deadline:
+        # Until the subscription has come through.
+        left.publish("robots/left_arm/events", news)
+        time.sleep(0.02)
+    assert lease.is_held, "another lease's news"
+    left.handlers["renew_lease"] = refuse("lease_stale", "hmi (operator) has it")
+    left.publish("robots/left_arm/events", news)
+    assert told.wait(DEADLINE_S)
+    with pytest.raises(LeaseLost, match="hmi"):
+        lease.check()
+    lease.release()
 
 
 def test_one_that_was_taken_away_is_given_back_without_an_error(

@@ -20,6 +20,10 @@ KEY = "golden reset key"
 """The key that the signatures of the golden samples are made with."""
 
 
+LATCHED = golden("robot_status")["stop"]["stops"][0]["stop_id"]
+"""The stop of the golden status."""
+
+
 @pytest.fixture
 def key_file(tmp_path: Path) -> Path:
     path = tmp_path / "reset.key"
@@ -114,11 +118,13 @@ def test_it_needs_no_lease_that_the_stop_took_away(cell: armada.Cell, left: Agen
     assert len(left.of_method("reset")) == 1
 
 
-def test_the_cell_is_reset_by_the_gateway(cell: armada.Cell, gateway: Gateway) -> None:
+def test_the_cell_is_reset_by_the_gateway(cell: armada.Cell, gateway: Gateway, left: Agent) -> None:
+    left.status["stop"] = latch()
     answer = cell.reset(["left_arm"])
     assert answer.reset[0][0] == "left_arm"
     assert answer.refused[0][1].code is DenialCode.OUT_OF_RANGE
-    assert gateway.of_method("reset")[0]["params"] == {"robots": ["left_arm"]}
+    shown = {"stop_ids": [LATCHED], "nonce": latch()["reset"]["nonce"]}
+    assert gateway.of_method("reset")[0]["params"] == {"resets": {"left_arm": shown}}
 
 
 def test_of_a_cell_those_that_ask_for_a_signature_get_one(
@@ -127,15 +133,31 @@ def test_of_a_cell_those_that_ask_for_a_signature_get_one(
     left.status["stop"] = latch()
     right.status["stop"] = latch() | {"reset": latch()["reset"] | {"signed": False}}
     cell.reset(["left_arm", "right_arm"], key_file=key_file)
-    sample = golden("request_cell_reset")["params"]
-    expected = sample | {"robots": ["left_arm", "right_arm"]}
+    sample = golden("request_cell_reset")["params"]["resets"]
+    shown = {"stop_ids": [LATCHED], "nonce": latch()["reset"]["nonce"]}
+    expected = {"resets": sample | {"right_arm": shown}}
     assert gateway.of_method("reset")[0]["params"] == expected
 
 
-def test_without_names_those_that_are_stopped_are_signed(
-    cell: armada.Cell, gateway: Gateway, left: Agent, key_file: Path
+def test_without_names_those_that_are_stopped_are_reset(
+    cell: armada.Cell, gateway: Gateway, left: Agent, right: Agent, key_file: Path
 ) -> None:
-    left.status["stop"] = latch()
+    left.status["stop"], right.status["stop"] = latch(), None
     cell.reset(key_file=key_file)
     [sent] = gateway.of_method("reset")
-    assert sent["params"] == golden("request_cell_reset")["params"] | {"robots": []}
+    assert (
+        sent["params"]["resets"]["left_arm"]
+        == (golden("request_cell_reset")["params"]["resets"]["left_arm"])
+    )
+    assert "right_arm" not in sent["params"]["resets"]
+
+
+def test_a_robot_whose_agent_is_gone_does_not_keep_the_others_stopped(
+    cell: armada.Cell, gateway: Gateway, left: Agent, right: Agent, key_file: Path
+) -> None:
+    left.status["stop"] = right.status["stop"] = latch()
+    right.close()
+    cell.reset(key_file=key_file)
+    [sent] = gateway.of_method("reset")
+    assert "signature" in sent["params"]["resets"]["left_arm"]
+    assert "signature" not in sent["params"]["resets"]["right_arm"]

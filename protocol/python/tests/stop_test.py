@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from uuid import UUID
 
 import pytest
@@ -11,7 +12,7 @@ from armada import StopLevel, StopStage, StopVerdict, codec
 from armada._stop import Ladder
 from armada.messages import StopAck
 
-from .fleet import Agent, Gateway, golden
+from .fleet import DEADLINE_S, Agent, Gateway, golden
 
 STOP_ID = UUID(golden("stop_ack")["stop_id"])
 
@@ -92,9 +93,19 @@ def test_an_acknowledgement_that_was_lost_is_asked_for_again(
     assert report.verdict is StopVerdict.COMPLETE
 
 
-def test_a_robot_that_does_not_come_to_rest_is_missing(cell: armada.Cell, left: Agent) -> None:
+def test_a_robot_that_does_not_come_to_rest_is_missing_and_asked_to_stop_harder(
+    cell: armada.Cell, left: Agent, right: Agent
+) -> None:
     left.stages = ["received", "commanded"]
     report = cell.stop(timeout_s=0.3)
+    deadline = time.monotonic() + DEADLINE_S
+    while not any(stop["level"] == "L1" for stop in left.stops):
+        assert time.monotonic() < deadline, left.stops
+        time.sleep(0.01)
+    harder = next(stop for stop in left.stops if stop["level"] == "L1")
+    assert harder["scope"] == {"robots": ["left_arm"]}
+    assert harder["stop_id"] == str(report.stop_id)
+    assert all(stop["level"] == "L2" for stop in right.stops)
     assert report.verdict is StopVerdict.INCOMPLETE
     assert report.missing == ("left_arm",)
     assert next(a for a in report.acks if a.robot == "left_arm").stage is StopStage.COMMANDED

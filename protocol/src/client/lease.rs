@@ -2,6 +2,7 @@
 
 mod group;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::{oneshot, watch};
@@ -15,8 +16,8 @@ use super::{Client, ClientError, Subscription, now};
 use crate::RobotName;
 use crate::keys;
 use crate::messages::{
-    AcquireLeaseParams, DelegateLeaseParams, Event, EventKind, LeaseGrant, LeaseParams, LeaseScope,
-    RenewLeaseParams, Role, TakeLeaseParams,
+    AcquireLeaseParams, DelegateLeaseParams, DenialCode, Event, EventKind, LeaseGrant, LeaseParams,
+    LeaseScope, RenewLeaseParams, Role, TakeLeaseParams,
 };
 use crate::method::robot::{AcquireLease, DelegateLease, ReleaseLease, RenewLease, TakeLease};
 
@@ -43,10 +44,11 @@ pub struct LeaseKeeper {
 }
 
 /// What is known of a lease that is kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 struct KeptLease {
     epoch: u64,
-    lost: bool,
+    /// Why it is lost, if it is.
+    lost: Option<Arc<ClientError>>,
 }
 
 impl Client {
@@ -60,7 +62,20 @@ impl Client {
         robot: &RobotName,
         ttl: Duration,
     ) -> Result<LeaseKeeper, ClientError> {
-        let params = AcquireLeaseParams { ttl_ms: millis(ttl), role: Role::Program };
+        self.acquire_lease_as(robot, ttl, Role::Program).await
+    }
+
+    /// As [`Self::acquire_lease`], as more than a program: nobody of a lower role can take it away.
+    ///
+    /// # Errors
+    /// As [`Self::acquire_lease`].
+    pub async fn acquire_lease_as(
+        &self,
+        robot: &RobotName,
+        ttl: Duration,
+        role: Role,
+    ) -> Result<LeaseKeeper, ClientError> {
+        let params = AcquireLeaseParams { ttl_ms: millis(ttl), role };
         // It lasts from its grant on, which is later than this.
         let asked = now();
         let grant = self.call::<AcquireLease>(robot, params).await?;
@@ -118,7 +133,7 @@ impl Client {
     }
 
     async fn keep(&self, robot: &RobotName, grant: LeaseGrant, asked: Instant) -> LeaseKeeper {
-        let (told, state) = watch::channel(KeptLease { epoch: grant.epoch, lost: false });
+        let (told, state) = watch::channel(KeptLease { epoch: grant.epoch, lost: None });
         let (end, ended) = oneshot::channel();
         let keeping = Keeping {
             client: self.clone(),
@@ -140,6 +155,12 @@ impl LeaseKeeper {
         self.grant.lease
     }
 
+    /// What was granted.
+    #[must_use]
+    pub const fn grant(&self) -> &LeaseGrant {
+        &self.grant
+    }
+
     /// The epoch in force when the lease was last granted or renewed.
     #[must_use]
     pub fn epoch(&self) -> u64 {
@@ -150,13 +171,20 @@ impl LeaseKeeper {
     /// in time.
     #[must_use]
     pub fn is_lost(&self) -> bool {
-        self.state.borrow().lost
+        self.state.borrow().lost.is_some()
     }
 
-    /// Waits until it is lost.
+    /// Why it is lost: what the agent answered, or how it could not be reached while the lease
+    /// lasted.
+    #[must_use]
+    pub fn loss(&self) -> Option<Arc<ClientError>> {
+        self.state.borrow().lost.clone()
+    }
+
+    /// Waits until it is lost; then [`Self::loss`] says why.
     pub async fn lost(&self) {
         // The sender ends with its task only, which has told before or was aborted: lost as well.
-        drop(self.state.clone().wait_for(|state| state.lost).await);
+        drop(self.state.clone().wait_for(|state| state.lost.is_some()).await);
     }
 
     /// Gives the lease back, which brings the robot to rest, and waits for the answer.
@@ -183,14 +211,14 @@ struct Keeping {
 impl Keeping {
     /// Renews the lease until it is lost or is to be given back.
     async fn run(
-        self,
+        mut self,
         asked: Instant,
         mut ended: oneshot::Receiver<()>,
     ) -> Result<(), ClientError> {
-        let pause = self.ttl / RENEWALS;
         let mut until = asked + self.ttl;
-        let mut next = asked + pause;
+        let mut next = asked + self.ttl / RENEWALS;
         loop {
+            let pause = self.ttl / RENEWALS;
             tokio::select! {
                 biased;
                 _ = &mut ended => return self.give_back().await,
@@ -201,10 +229,12 @@ impl Keeping {
             match self.renew(pause).await {
                 Ok(grant) => {
                     self.told.send_modify(|state| state.epoch = grant.epoch);
-                    (until, next) = (asked + self.ttl, asked + pause);
+                    // Somebody who knows the lease may have asked for another time.
+                    self.ttl = Duration::from_millis(grant.ttl_ms);
+                    (until, next) = (asked + self.ttl, asked + self.ttl / RENEWALS);
                 }
-                Err(ClientError::Denied(_)) => return self.lose(),
-                Err(_) if now() >= until => return self.lose(),
+                Err(error @ ClientError::Denied(_)) => return self.lose(error),
+                Err(error) if now() >= until => return self.lose(error),
                 // Sooner than the next one was due: each may be the last.
                 Err(_) => next = now() + pause / RENEWALS,
             }
@@ -217,12 +247,15 @@ impl Keeping {
 
     async fn give_back(self) -> Result<(), ClientError> {
         let params = LeaseParams { lease: self.lease };
-        let released = self.client.call_within::<ReleaseLease>(&self.robot, params, self.ttl).await;
-        released.map(drop)
+        match self.client.call_within::<ReleaseLease>(&self.robot, params, self.ttl).await {
+            // It was lost a moment ago.
+            Err(ClientError::Denied(denial)) if denial.code == DenialCode::LeaseStale => Ok(()),
+            released => released.map(drop),
+        }
     }
 
-    fn lose(self) -> Result<(), ClientError> {
-        self.told.send_modify(|state| state.lost = true);
+    fn lose(self, why: ClientError) -> Result<(), ClientError> {
+        self.told.send_modify(|state| state.lost = Some(Arc::new(why)));
         Ok(())
     }
 }

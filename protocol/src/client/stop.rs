@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use tracing::warn;
 use zenoh::query::{ConsolidationMode, QueryTarget};
 
 use super::{Client, ClientError, Subscription, now};
@@ -16,6 +17,8 @@ use crate::qos::Channel;
 const REPEAT: Duration = Duration::from_millis(10);
 /// How long it is repeated that often; who has not answered by then is hardly there.
 const EAGER: Duration = Duration::from_secs(1);
+/// How often those that are not known to stand are asked to stop harder.
+const HARDER: u32 = 5;
 /// Pause between repetitions after that.
 const LATE_REPEAT: Duration = Duration::from_millis(100);
 
@@ -67,7 +70,7 @@ impl Client {
         }
         drain(&acks, &mut ladder);
         let report = ladder.report();
-        self.stop_harder(request, &report).await?;
+        self.stop_harder(request, &report).await;
         Ok(report)
     }
 
@@ -91,16 +94,22 @@ impl Client {
 
     /// Asks once more, one level harder, those that are not known to stand: whoever got the stop and
     /// does not come to rest raises it himself, and this may reach who has not got it.
-    async fn stop_harder(
-        &self,
-        request: StopRequest,
-        report: &StopReport,
-    ) -> Result<(), ClientError> {
+    async fn stop_harder(&self, request: StopRequest, report: &StopReport) {
         let Some(level) = request.level.harder().filter(|_| !report.missing.is_empty()) else {
-            return Ok(());
+            return;
         };
         let scope = StopScope::Robots(report.missing.clone());
-        self.publish_stop(&StopRequest { level, scope, seq: request.seq + 1, ..request }).await
+        let mut harder = StopRequest { level, scope, ..request };
+        for _ in 0..HARDER {
+            harder.seq += 1;
+            let published = self.publish_stop(&harder).await;
+            let asked = self.ask_to_stop(&keys::ROBOT_STOP.any(), &harder, REPEAT).await;
+            if let Some(error) = published.err().or(asked.err()) {
+                // Whoever asked has the report all the same, which says INCOMPLETE.
+                warn!(%error, "the harder stop is not sent");
+            }
+            tokio::time::sleep(REPEAT).await;
+        }
     }
 
     async fn publish_stop(&self, request: &StopRequest) -> Result<(), ClientError> {

@@ -14,7 +14,7 @@ pub struct Event {
     pub robot: Option<RobotName>,
     /// Run of the sender.
     pub boot_id: Uuid,
-    /// Number of the event: the next one has the next number.
+    /// Number of the event in this run, from 0: the next one has the next number.
     pub seqno: u64,
     /// When, sender's monotonic clock \[ns\].
     pub stamp_ns: MonoTime,
@@ -81,7 +81,7 @@ pub enum EventKind {
     Stream,
     /// A robot appeared in or vanished from the cell.
     PresenceChanged,
-    /// A request was refused.
+    /// A request was refused, or commands that nobody can be answered were dropped.
     Denied,
     /// Events of a robot did not reach the gateway.
     EventsLost,

@@ -57,8 +57,7 @@ pub struct GroupReadiness {
     /// Fastest change of the rate that is legal everywhere on the path \[1/s\]; 0 if the trajectory
     /// leaves no room for one.
     pub rate_slope_s: f64,
-    /// Furthest that a joint moves before the loss of a partner at the start is noticed
-    /// \[rad or m\].
+    /// Furthest that a joint moves until it rests, if a partner is lost at the start \[rad or m\].
     pub start_travel: f64,
     /// How late the controller does what it is sent \[ms\].
     pub controller_lag_ms: f64,
@@ -170,8 +169,8 @@ pub struct ClearanceAnswer {
     pub clear: bool,
     /// The least distance that the cell demands \[m\].
     pub required_m: f64,
-    /// Smallest distance that was found, a lower bound of the true one \[m\]; null if no two
-    /// robots have shapes.
+    /// Smallest distance that was found \[m\]: a lower bound of the true one if `clear`, else that of
+    /// the place where the search ended; null if no two robots have shapes.
     pub distance_m: Option<f64>,
     /// The two links, named `robot/link`, where it was found.
     pub links: Option<(String, String)>,

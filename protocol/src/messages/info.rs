@@ -48,6 +48,10 @@ pub struct RobotInfo {
     pub flags: Vec<(String, u64)>,
     /// Period of the control loop \[ms\].
     pub period_ms: f64,
+    /// Within what time of a stop the robot is measured to stand still \[s\]; else it is stopped
+    /// harder, by itself and by whoever asked.
+    #[serde(default)]
+    pub stop_time_s: f64,
     /// How often the state is published \[Hz\].
     pub state_rate_hz: f64,
     /// Rates at which the state is published besides, as `state/{rate}` \[Hz\].

@@ -293,12 +293,9 @@ impl CellExecuteTrajectory {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CellResetParams {
-    /// Which robots; all if empty.
-    #[serde(default)]
-    pub robots: Vec<RobotName>,
-    /// Signed resets of the robots that ask for a signature; the others are reset by the gateway.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub signed: BTreeMap<RobotName, ResetParams>,
+    /// What is to be cleared, by robot, as it was shown to whoever asks; signed where the robot asks
+    /// for it. A stop that came since is not cleared.
+    pub resets: BTreeMap<RobotName, ResetParams>,
 }
 
 /// Answer of the cell's `reset`.

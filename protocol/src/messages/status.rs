@@ -176,14 +176,19 @@ pub struct StreamStatistics {
     pub age_ms: f64,
     /// Whether the robot decelerates or stands because samples stay away.
     pub starved: bool,
-    /// Variation of the time between samples, over about the last second \[ms\].
+    /// Standard deviation of the time between samples, over the last one to two seconds \[ms\].
     #[serde(default)]
     pub jitter_ms: f64,
-    /// Share of the samples that did not come or came too late, over about the last second.
+    /// Share of the samples that did not come or came too late, over the same time.
     #[serde(default)]
     pub loss: f64,
-    /// Highest rate that the link allows: 1 as asked, less when it is slowed, 0 when refused.
+    /// Mean age of the states that samples were made for, when they came, over the same time
+    /// \[ms\]: the way of the state, what the client takes, and the way of the sample.
     #[serde(default)]
+    pub state_age_ms: f64,
+    /// Share of the robot's limits of speed that the link allows: 1 as asked, less when the stream
+    /// is slowed, 0 when it is refused.
+    #[serde(default = "all")]
     pub allowed: f64,
 }
 
@@ -282,4 +287,8 @@ pub enum SchedulingPolicy {
     Other,
     /// `SCHED_FIFO` with this priority.
     Fifo(u8),
+}
+
+const fn all() -> f64 {
+    1.0
 }

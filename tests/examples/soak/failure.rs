@@ -8,7 +8,8 @@ use armada_tests::{NetCell, Quality};
 
 use crate::chance::Chance;
 
-const ARMS: [&str; 2] = ["left_arm", "right_arm"];
+/// The arms.
+pub(crate) const ARMS: [&str; 2] = ["left_arm", "right_arm"];
 
 /// Something that fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,13 +27,17 @@ pub(crate) enum Failure {
     HostCut(&'static str),
     /// A link that loses frames, in percent.
     LinkLossy(u8),
+    /// The link of the program that holds the leases, which it cannot renew meanwhile.
+    ClientCut(&'static str),
 }
 
 /// How often each kind comes, in parts of the sum.
-const WEIGHTS: [u64; 9] = [2, 2, 2, 1, 1, 1, 2, 2, 2];
+const WEIGHTS: [u64; 10] = [3, 2, 2, 1, 1, 1, 2, 2, 2, 2];
 
 impl Failure {
-    pub(crate) fn random(chance: &mut Chance) -> Self {
+    /// One at random; of the agents only that of `mortal` is killed, so that the other's memory can
+    /// be watched for long.
+    pub(crate) fn random(chance: &mut Chance, mortal: &'static str) -> Self {
         let mut place = chance.below(WEIGHTS.iter().sum());
         let kind = WEIGHTS.iter().position(|weight| {
             let here = place < *weight;
@@ -42,14 +47,15 @@ impl Failure {
         let arm = chance.of_these(&ARMS);
         match kind.unwrap_or_default() {
             0 => Self::Nothing,
-            1 => Self::AgentKilled(arm),
+            1 => Self::AgentKilled(mortal),
             2 => Self::AgentFrozen(arm),
             3 => Self::ControllerFrozen(arm),
             4 => Self::GatewayKilled,
             5 => Self::GatewayFrozen,
             6 => Self::LinkCut,
             7 => Self::HostCut(arm),
-            _ => Self::LinkLossy(chance.of_these(&[1, 5, 20])),
+            8 => Self::LinkLossy(chance.of_these(&[1, 5, 20])),
+            _ => Self::ClientCut(arm),
         }
     }
 
@@ -68,6 +74,7 @@ impl Failure {
             Self::LinkLossy(percent) => {
                 cell.network.set_link(left, right, Quality::losing(percent))
             }
+            Self::ClientCut(arm) => cell.network.set_link("client", arm, Quality::CUT),
         }
     }
 
@@ -85,12 +92,27 @@ impl Failure {
                 cell.network.set_link(left, right, Quality::default())
             }
             Self::HostCut(arm) => cell.network.set_host(arm, Quality::default()),
+            Self::ClientCut(arm) => cell.network.set_link("client", arm, Quality::default()),
         }
     }
 
     /// How long it lasts: some are over before anybody notices, most are not.
     pub(crate) fn duration(chance: &mut Chance) -> Duration {
         Duration::from_millis(chance.of_these(&[20, 100, 300, 800, 1500]))
+    }
+
+    /// Whether this arm hears nothing of its partner any more.
+    pub(crate) fn silences_partner_of(self, robot: &str) -> bool {
+        match self {
+            Self::AgentKilled(arm) | Self::AgentFrozen(arm) => arm != robot,
+            Self::LinkCut | Self::HostCut(_) => true,
+            Self::Nothing
+            | Self::ControllerFrozen(_)
+            | Self::GatewayKilled
+            | Self::GatewayFrozen
+            | Self::LinkLossy(_)
+            | Self::ClientCut(_) => false,
+        }
     }
 
     /// The arm whose agent forgets what it did.
@@ -114,6 +136,7 @@ impl fmt::Display for Failure {
             Self::LinkCut => f.write_str("link cut"),
             Self::HostCut(_) => f.write_str("host cut"),
             Self::LinkLossy(percent) => write!(f, "link loses {percent} %"),
+            Self::ClientCut(_) => f.write_str("holder of the leases cut off"),
         }
     }
 }

@@ -19,7 +19,7 @@ mod support;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use armada_tests::in_network;
+use armada_tests::{can_make_hosts, in_network};
 
 use session::Soak;
 
@@ -32,6 +32,9 @@ struct Arguments {
 
 fn main() -> Result<()> {
     let arguments = parse(std::env::args().skip(1))?;
+    if let Err(why) = can_make_hosts() {
+        bail!("the soak needs {why}");
+    }
     println!("soak of {} minutes, seed {}", arguments.minutes, arguments.seed);
     in_network("the soak", async move |network| {
         let time = Duration::from_secs_f64(arguments.minutes * 60.0);

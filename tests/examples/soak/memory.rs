@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use anyhow::{Context, Result};
 
 /// Time of a process that is left out: it still builds up what it needs \[min\].
-const WARM_UP: f64 = 0.5;
-/// Fewest samples that say something.
-const ENOUGH: usize = 15;
+const WARM_UP: f64 = 2.0;
+/// Least time after it that says something \[min\].
+const ENOUGH: f64 = 2.0;
 
 /// Resident memory of processes over time.
 #[derive(Clone, Debug, Default)]
@@ -39,18 +39,15 @@ impl Memory {
     }
 }
 
-/// Slope of the straight line through the samples, by least squares.
+/// The median of the slopes between all pairs of samples (Theil and Sen): steps, such as of the
+/// first fault that is written down, do not count as growth.
 fn slope(samples: &[(f64, f64)]) -> Option<f64> {
-    if samples.len() < ENOUGH {
-        return None;
+    let time = samples.last()?.0 - samples.first()?.0;
+    let mut slopes: Vec<f64> = Vec::new();
+    for (index, (x, y)) in samples.iter().enumerate() {
+        let later = samples.iter().skip(index + 1).filter(|(later, _)| later > x);
+        slopes.extend(later.map(|(later, value)| (value - y) / (later - x)));
     }
-    let count = samples.len() as f64;
-    let mean = samples.iter().fold((0.0, 0.0), |sum, (x, y)| (sum.0 + x, sum.1 + y));
-    let mean = (mean.0 / count, mean.1 / count);
-    let (mut above, mut below) = (0.0, 0.0);
-    for (x, y) in samples {
-        above += (x - mean.0) * (y - mean.1);
-        below += (x - mean.0) * (x - mean.0);
-    }
-    (below > 0.0).then(|| above / below)
+    slopes.sort_unstable_by(f64::total_cmp);
+    slopes.get(slopes.len() / 2).copied().filter(|_| time >= ENOUGH)
 }

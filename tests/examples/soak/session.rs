@@ -14,18 +14,23 @@ use armada_tests::{NetCellOptions, Network, monotonic, wait_for};
 use uuid::Uuid;
 
 use crate::chance::Chance;
-use crate::failure::Failure;
+use crate::failure::{ARMS, Failure};
 use crate::memory::Memory;
-use crate::support::{Bed, is_commanded, until_granted};
+use crate::support::{Bed, LOSS, PERIOD, RESERVE, is_commanded, until_granted};
 
 /// Length of each motion \[s\].
 const MOTION_S: f64 = 3.0;
-/// After a failure and its end, all must be at rest or done within this and the motion's length.
+/// How long it may take until a lease is free again.
 const SETTLED: Duration = Duration::from_secs(20);
-/// How long the leases last without being renewed.
-const TTL: Duration = Duration::from_secs(5);
+/// How long the leases last without being renewed: less than the longest failure.
+const TTL: Duration = Duration::from_secs(1);
+/// A partner that is silent for so long is certainly noticed.
+const SILENCE: Duration = Duration::from_millis(300);
 /// Growth of a process that is called a leak \[MB/min\].
 const LEAK: f64 = 4.0;
+
+/// How many lines of what each process printed are told when something is wrong.
+const LAST_LINES: usize = 12;
 
 /// What has happened so far.
 #[derive(Debug, Default)]
@@ -33,7 +38,8 @@ struct Tally {
     motions: u64,
     complete: u64,
     failures: BTreeMap<String, u64>,
-    longest_to_rest: Duration,
+    /// From a partner's silence to the end of the motion.
+    longest_to_abort: Duration,
 }
 
 /// A cell that is made to fail.
@@ -56,10 +62,12 @@ impl Soak {
     /// Goes on for `time`.
     pub(crate) async fn run(&mut self, time: Duration) -> Result<()> {
         self.began = monotonic();
+        let mortal = self.chance.of_these(&ARMS);
         while monotonic().saturating_since(self.began) < time {
-            let failure = Failure::random(&mut self.chance);
+            let failure = Failure::random(&mut self.chance, mortal);
             let what = format!("motion {}, {failure:?}", self.tally.motions + 1);
-            self.round(failure).await.with_context(|| what)?;
+            let done = self.round(failure).await;
+            done.with_context(|| what).with_context(|| self.last_words())?;
             self.note_memory()?;
         }
         match self.memory.steepest() {
@@ -85,12 +93,11 @@ impl Soak {
         *self.tally.failures.entry(failure.to_string()).or_default() += 1;
         let ends = self.ends(id, failure).await?;
         self.note_memory()?;
-        if ends.iter().any(|end| end.status != ActionStatus::Complete) {
-            let rest = ends.iter().map(|end| end.stamp_ns.saturating_since(failed)).max();
-            self.tally.longest_to_rest = self.tally.longest_to_rest.max(rest.unwrap_or_default());
-        } else if failure.forgets().is_none() {
-            self.tally.complete += 1;
+        if lasts >= SILENCE {
+            self.check_in_time(&ends, failure, failed)?;
         }
+        let complete = ends.iter().all(|end| end.status == ActionStatus::Complete);
+        self.tally.complete += u64::from(complete);
         self.assert_rest().await?;
         for keeper in keepers {
             // A stop or a dead agent may have taken it away.
@@ -159,7 +166,28 @@ impl Soak {
         let together = complete == 0 || complete == ends.len();
         let late = ends.iter().all(|end| end.elapsed_s > 0.9 * end.duration_s);
         ensure!(together || late, "one goes on without the other: {ends:#?}");
+        let alone = failure.forgets().is_some() && complete > 0;
+        ensure!(!alone, "it went on to its end without its partner: {ends:#?}");
         Ok(ends)
+    }
+
+    /// Whoever moved and hears nothing of its partner any more has aborted in time.
+    fn check_in_time(
+        &mut self,
+        ends: &[MotionStatus],
+        failure: Failure,
+        failed: MonoTime,
+    ) -> Result<()> {
+        let moved = |end: &&MotionStatus| {
+            end.started_ns.is_some_and(|started| started <= failed) && end.stamp_ns >= failed
+        };
+        let silenced = |end: &&MotionStatus| failure.silences_partner_of(end.robot.as_str());
+        for end in ends.iter().filter(moved).filter(silenced) {
+            let took = end.stamp_ns.saturating_since(failed);
+            ensure!(took <= LOSS + PERIOD + RESERVE, "{failure}: aborted after {took:?}: {end:#?}");
+            self.tally.longest_to_abort = self.tally.longest_to_abort.max(took);
+        }
+        Ok(())
     }
 
     /// Every arm is told to stand, and measured to.
@@ -188,15 +216,29 @@ impl Soak {
         Ok(())
     }
 
+    /// Who runs, and what each has printed last.
+    fn last_words(&self) -> String {
+        let cell = &self.bed.cell;
+        let arms = cell.agents.iter().chain(&cell.emulators);
+        let all = arms.map(|(name, process)| (name.as_str(), process));
+        let told = all.chain([("gateway", &cell.gateway)]).map(|(name, process)| {
+            let printed = process.printed();
+            let mut lines: Vec<_> = printed.lines().rev().take(LAST_LINES).collect();
+            lines.reverse();
+            format!("{name}, running: {}\n{}", process.is_running(), lines.join("\n"))
+        });
+        told.collect::<Vec<_>>().join("\n")
+    }
+
     /// What happened, for people.
     pub(crate) fn summary(&self) -> String {
-        let Tally { motions, complete, failures, longest_to_rest } = &self.tally;
+        let Tally { motions, complete, failures, longest_to_abort } = &self.tally;
         let mut text = format!("{motions} motions, {complete} of them complete");
         for (failure, count) in failures {
             let _ = write!(text, "\n  {count:4} x {failure}");
         }
-        let rest = longest_to_rest.as_secs_f64() * 1e3;
-        let _ = write!(text, "\nlongest from a failure to rest: {rest:.0} ms");
+        let abort = longest_to_abort.as_secs_f64() * 1e3;
+        let _ = write!(text, "\nlongest from a partner's silence to the abort: {abort:.0} ms");
         match self.memory.steepest() {
             Some((name, slope)) => {
                 let _ = write!(text, "\nfastest growth of memory: {name}, {slope:+.2} MB/min");

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use rustix::process::Signal;
 
 use super::namespace::Namespace;
@@ -138,6 +138,7 @@ impl HostProcess {
     /// # Errors
     /// If it cannot be started.
     pub fn start(&mut self) -> Result<()> {
+        ensure!(!self.is_running(), "it still runs");
         let printed = File::options().create(true).append(true).open(&self.log)?;
         let mut command = Command::new(armada()?);
         command.args(&self.arguments).env("XDG_STATE_HOME", &self.state);

@@ -69,10 +69,14 @@ where
 /// Says that a test did not run, and why.
 #[expect(clippy::print_stderr, reason = "a skipped test says so where the runner shows it")]
 fn skip(name: &str, why: &str) {
-    eprintln!("skipped: {name} needs {why}");
+    eprintln!("SKIPPED: {name} needs {why}");
 }
 
-fn can_make_hosts() -> Result<(), String> {
+/// Whether hosts can be made here.
+///
+/// # Errors
+/// What they need and is not there.
+pub fn can_make_hosts() -> Result<(), String> {
     if !rustix::process::geteuid().is_root() {
         return Err("root, to make network namespaces".to_owned());
     }

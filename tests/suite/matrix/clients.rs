@@ -266,7 +266,9 @@ async fn row_17_replayed_or_forged_command(bed: &Bed) -> Result<()> {
         let counted = |status: &RobotStatus| count(status, counter) > before;
         bed.status_when(robot, counter, counted).await?;
     }
-    watch.look()?;
+    let audited =
+        |event: &Event| event.kind == EventKind::Denied && event.message.contains("dropped");
+    watch.event_when("it is in the audit trail", audited).await?;
     assert!(watch.seen.iter().all(|state| !is_commanded(state)), "none of them moves it");
     keeper.release().await?;
     bed.granted::<Halt>(robot, Empty {}).await?;
@@ -311,7 +313,7 @@ async fn hold_lease(bed: &Bed, robot: &str) -> Result<(HostProcess, Uuid)> {
     Ok((process, grant.lease))
 }
 
-fn is_stream(event: &Event, change: &str) -> bool {
+pub(crate) fn is_stream(event: &Event, change: &str) -> bool {
     let details = event.details.get("change").and_then(Value::as_str);
     event.kind == EventKind::Stream && details == Some(change)
 }
@@ -344,16 +346,26 @@ async fn ask(client: &Client, key: &str, request: Vec<u8>) -> Result<Value> {
 }
 
 /// Streams a slow turn of the first joint until it is dropped.
-struct Feeder(#[expect(dead_code, reason = "dropping it ends the task")] JoinSet<()>);
+pub(crate) struct Feeder(#[expect(dead_code, reason = "dropping it ends the task")] JoinSet<()>);
 
 impl Feeder {
     async fn start(client: &Client, bed: &Bed, lease: Uuid, epoch: u64) -> Result<Self> {
+        Self::start_with(client, bed, (lease, epoch), SPACING).await
+    }
+
+    /// Under a lease and in an epoch, with another time between samples.
+    pub(crate) async fn start_with(
+        client: &Client,
+        bed: &Bed,
+        (lease, epoch): (Uuid, u64),
+        spacing: Duration,
+    ) -> Result<Self> {
         let mut stream = client.stream(&bed.left, lease, epoch).await?;
         let mut speeds = JointVector::zeros(6)?;
         speeds[0] = 0.2;
         let mut tasks = JoinSet::new();
         tasks.spawn(async move {
-            let mut clock = tokio::time::interval(SPACING);
+            let mut clock = tokio::time::interval(spacing);
             loop {
                 clock.tick().await;
                 // What is lost on the way is what this is about.

@@ -9,6 +9,7 @@
 //! | 4 5 6 7 12 | `partitions` | gateways, agents and links while arms move together |
 //! | 8 9 13 14 15 | `robots` | controllers, tools and joints |
 //! | 10 11 18 | `stops` | stop buttons, silent arms, restarts while a stop is latched |
+//! | | `network` | the network of the tests, and streams on a bad link |
 //!
 //! Processes of one machine share its monotonic clock, whatever host they are on, so stamps of
 //! agents are compared with each other and with when a test did something. Bounds are taken between

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use armada_model::MonoTime;
+use armada_protocol::RobotName;
 use armada_protocol::messages::*;
 use armada_protocol::method::cell;
 use armada_tests::{NetCellOptions, Quality, in_network, monotonic, wait_for};
@@ -69,14 +70,15 @@ async fn row_05_router_dies(bed: &mut Bed) -> Result<()> {
     let id = bed.move_both(Coupling::TimeSynced, 6.0).await?;
     let killed = monotonic();
     bed.cell.gateway.kill()?;
-    let mut watch = Watch::of(&bed.client, &bed.left).await?;
+    let mut watches = bed.watch_both().await?;
+    let watch = &mut watches[0];
     let later = killed + Duration::from_secs(2);
     let state = watch.state_when("time passes", |_| true, |state| state.stamp_ns > later).await?;
     assert!(state.motion.is_some_and(|motion| motion.id == id), "it goes on: {state:#?}");
     let cut = monotonic();
     bed.cell.network.set_link("left_arm", "right_arm", Quality::CUT)?;
-    for robot in bed.robots() {
-        assert_aborted(bed, "row 5", robot, id, cut).await?;
+    for (robot, watch) in bed.robots().into_iter().zip(&mut watches) {
+        assert_aborted(bed, "row 5", (robot, watch), id, cut).await?;
     }
     bed.cell.network.set_link("left_arm", "right_arm", Quality::default())?;
     bed.cell.gateway.start()?;
@@ -88,9 +90,10 @@ async fn row_05_router_dies(bed: &mut Bed) -> Result<()> {
 async fn row_06_one_agent_dies(bed: &mut Bed) -> Result<()> {
     let id = bed.move_both(Coupling::TimeSynced, 6.0).await?;
     let boot = bed.client.robot_status(&bed.left).await?.boot_id;
+    let [_, mut right] = bed.watch_both().await?;
     let killed = monotonic();
     bed.cell.agent("left_arm")?.kill()?;
-    assert_aborted(bed, "row 6", &bed.right, id, killed).await?;
+    assert_aborted(bed, "row 6", (&bed.right, &mut right), id, killed).await?;
     bed.cell.agent("left_arm")?.start()?;
     let restarted = |status: &RobotStatus| {
         status.boot_id != boot && status.stop.is_some() && status.motion.is_none()
@@ -109,12 +112,13 @@ async fn row_06_one_agent_dies(bed: &mut Bed) -> Result<()> {
 /// Both sides, 60 ms: both abort, no latch, and a new motion is prepared when the link is back.
 async fn row_07_network_partition(bed: &Bed) -> Result<()> {
     let id = bed.move_both(Coupling::TimeSynced, 6.0).await?;
+    let [mut left, mut right] = bed.watch_both().await?;
     let cut = monotonic();
     bed.cell.network.set_host("left_arm", Quality::CUT)?;
-    assert_aborted(bed, "row 7, one side", &bed.right, id, cut).await?;
+    assert_aborted(bed, "row 7, one side", (&bed.right, &mut right), id, cut).await?;
     bed.cell.network.set_host("left_arm", Quality::default())?;
     // What the other side did meanwhile it tells by its own stamps.
-    assert_aborted(bed, "row 7, other side", &bed.left, id, cut).await?;
+    assert_aborted(bed, "row 7, other side", (&bed.left, &mut left), id, cut).await?;
     bed.work_again().await
 }
 
@@ -158,7 +162,7 @@ async fn row_12_clock_not_known_well_enough(bed: &mut Bed) -> Result<()> {
 async fn assert_aborted(
     bed: &Bed,
     row: &str,
-    robot: &armada_protocol::RobotName,
+    (robot, watch): (&RobotName, &mut Watch),
     id: Uuid,
     lost: MonoTime,
 ) -> Result<()> {
@@ -168,11 +172,11 @@ async fn assert_aborted(
     assert_eq!(reason.code, DenialCode::CommunicationLost, "{reason}");
     // By the agent's own measure it waited as long as it has to, and one cycle at most.
     let silence = end.group.context("it had a partner")?.max_silence_ms;
-    let longest = (LOSS + PERIOD + RESERVE).as_secs_f64() * 1e3;
-    assert!((0.0..=longest).contains(&silence), "{silence} ms of silence");
+    let [least, longest] = [LOSS, LOSS + PERIOD + RESERVE].map(|time| time.as_secs_f64() * 1e3);
+    assert!((least..=longest).contains(&silence), "{silence} ms of silence");
     let what = format!("{row}: lost to the abort of {robot}");
     assert_within(&what, lost, end.stamp_ns, LOSS + PERIOD);
-    bed.assert_rests(row, robot, end.stamp_ns).await?;
+    watch.assert_rests(row, end.stamp_ns).await?;
     let status = bed.status_when(robot, "it is seen", |status| status.motion.is_none()).await?;
     assert!(status.stop.is_none() && status.faults.is_empty(), "no latch: {status:#?}");
     Ok(())

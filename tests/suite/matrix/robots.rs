@@ -32,6 +32,7 @@ fn controllers_that_fail_tools_that_change_and_blocked_joints_end_what_they_must
 /// Agent, at most 250 ms: fault, group abort; latched; `reset_errors` when it is heard again.
 async fn row_08_vendor_communication_lost(bed: &Bed) -> Result<()> {
     let id = bed.move_both(Coupling::TimeSynced, 5.0).await?;
+    let [_, mut right] = bed.watch_both().await?;
     let frozen = monotonic();
     bed.cell.emulators["left_arm"].freeze()?;
     let faulted = |status: &RobotStatus| !status.faults.is_empty();
@@ -39,7 +40,7 @@ async fn row_08_vendor_communication_lost(bed: &Bed) -> Result<()> {
     let fault = status.faults.first().context("just seen")?;
     assert_eq!(fault.code, FaultCode::CommunicationLost);
     assert_within("row 8: silence to fault", frozen, fault.since_ns, COMMUNICATION_TIMEOUT);
-    assert_partner_ends(bed, "row 8", id, fault.since_ns).await?;
+    assert_partner_ends(bed, ("row 8", &mut right), id, fault.since_ns).await?;
     let end = bed.end_of(&bed.left, id).await?;
     assert_eq!(end.reason.map(|r| r.code), Some(DenialCode::CommunicationLost));
     // Latched: that it is heard again changes nothing.
@@ -55,7 +56,7 @@ async fn row_08_vendor_communication_lost(bed: &Bed) -> Result<()> {
 /// Agent via the controller, one state period: group abort, latched; release and reset.
 async fn row_09_emergency_stop_of_the_controller(bed: &Bed) -> Result<()> {
     let id = bed.move_both(Coupling::TimeSynced, 5.0).await?;
-    let mut watch = Watch::of(&bed.client, &bed.left).await?;
+    let [mut watch, mut right] = bed.watch_both().await?;
     bed.cell.inject("left_arm", "estop")?;
     let pressed = |state: &RobotState| state.flags.contains(RobotFlags::ESTOP);
     let state = watch.state_when("it is pressed", |_| true, pressed).await?;
@@ -65,7 +66,7 @@ async fn row_09_emergency_stop_of_the_controller(bed: &Bed) -> Result<()> {
     let fault = fault.with_context(|| format!("{status:#?}"))?;
     // The tick that first reports it has latched it.
     assert!(fault.since_ns <= state.stamp_ns, "{fault:#?}");
-    assert_partner_ends(bed, "row 9", id, fault.since_ns).await?;
+    assert_partner_ends(bed, ("row 9", &mut right), id, fault.since_ns).await?;
     let latched = |status: &RobotStatus| {
         let stops = status.stop.as_ref().map(|latch| &latch.stops);
         stops.is_some_and(|stops| stops.iter().any(|stop| stop.source == "controller"))
@@ -181,14 +182,16 @@ async fn row_15_tracking_error(bed: &Bed) -> Result<()> {
 /// The right arm's part ends because of the left one's fault at `since`, in time, without a latch.
 async fn assert_partner_ends(
     bed: &Bed,
-    row: &str,
+    (row, watch): (&str, &mut Watch),
     id: uuid::Uuid,
     since: armada_model::MonoTime,
 ) -> Result<()> {
     let end = bed.end_of(&bed.right, id).await?;
     assert!(matches!(end.status, ActionStatus::Failed | ActionStatus::Cancelled), "{end:#?}");
+    let reason = end.reason.clone().with_context(|| format!("{end:#?}"))?;
+    assert!(reason.message.contains(bed.left.as_str()), "because of its partner: {reason}");
     assert_within(&format!("{row}: fault to the partner's abort"), since, end.stamp_ns, LOSS);
-    bed.assert_rests(row, &bed.right, end.stamp_ns).await?;
+    watch.assert_rests(row, end.stamp_ns).await?;
     let status = bed.client.robot_status(&bed.right).await?;
     assert!(status.stop.is_none() && status.faults.is_empty(), "no latch: {status:#?}");
     Ok(())

@@ -259,16 +259,16 @@ impl GroupMachine {
     fn guide_running(&mut self, now: MonoTime, time_s: f64) -> Decision {
         if let Some(fault) = self.aborted() {
             let from_s = self.partners.iter().filter_map(|partner| partner.ramp_from_s);
-            return self.stop(fault, from_s.reduce(f64::min));
+            return self.stop(fault, from_s.reduce(f64::min).map(|from_s| self.near(from_s)));
         }
         if let Some(fault) = self.silent(now, time_s) {
             return self.stop(fault, None);
         }
-        if self.order.coupling == Coupling::Independent {
-            return Decision::Free;
-        }
         if let Some(fault) = self.compare() {
             return self.stop(fault, None);
+        }
+        if self.order.coupling == Coupling::Independent {
+            return Decision::Free;
         }
         self.announce(time_s);
         let (target, from_s) = self.target(time_s);
@@ -314,6 +314,15 @@ impl GroupMachine {
         let rigid = self.order.coupling == Coupling::Rigid && self.state == GroupState::Running;
         self.abort(why, rigid.then(|| from_s.unwrap_or(self.own.phase_s)));
         if rigid { self.run() } else { Decision::Stop(why) }
+    }
+
+    /// The place where a partner lets the common ramp begin, or the nearest one where it can have
+    /// meant it to: ahead by its lead, back by what the word may take, and as far off the own phase
+    /// as robots of a group may be. No word makes a robot go on, or rest at once.
+    fn near(&self, from_s: f64) -> f64 {
+        let (phase_s, apart_s) = (self.own.phase_s, self.order.max_divergence_s);
+        let (late_s, lead_s) = (self.order.loss.as_secs_f64(), BEAT.as_secs_f64());
+        from_s.clamp(phase_s - late_s - apart_s, phase_s + lead_s + apart_s)
     }
 
     const fn abort(&mut self, why: Refusal, ramp_from_s: Option<f64>) {

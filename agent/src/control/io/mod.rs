@@ -18,8 +18,8 @@ pub use order::{
     JogOrder, LoopRequest, Order,
 };
 pub use output::{
-    DelegateReport, DroppedSamples, Granted, LeaseChange, LeaseReport, LoopEvent, LoopFault,
-    MotionReport, Output, Retired, Snapshot, StreamChange, StreamReport,
+    DelegateReport, DroppedSamples, Granted, LeaseChange, LeaseReport, LinkReport, LoopEvent,
+    LoopFault, MotionReport, Output, Retired, Snapshot, StreamChange, StreamReport,
 };
 pub use params::{LoopAbilities, MAX_STOP_TIME, Params, REDUCED_SHARE, default_stop_time};
 pub use refusal::Refusal;

@@ -132,7 +132,7 @@ pub struct DelegateReport {
 }
 
 /// A stream in progress.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StreamReport {
     /// Samples taken in this epoch.
     pub taken: u64,
@@ -144,6 +144,28 @@ pub struct StreamReport {
     pub newest: MonoTime,
     /// Whether the robot decelerates or stands because samples stay away.
     pub starved: bool,
+    /// How well samples come.
+    pub link: LinkReport,
+}
+
+/// How well the samples of a stream come, over the last one to two seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LinkReport {
+    /// Standard deviation of the time between samples \[s\].
+    pub jitter_s: f64,
+    /// Share of the samples that did not come, or too late.
+    pub loss: f64,
+    /// Mean age of the states that samples were made for, when they came \[s\].
+    pub state_age_s: f64,
+    /// Share of the robot's limits of speed that the link allows; 0 if nothing is followed.
+    pub allowed: f64,
+}
+
+impl Default for LinkReport {
+    /// Nothing is known yet, and all is allowed.
+    fn default() -> Self {
+        Self { jitter_s: 0.0, loss: 0.0, state_age_s: 0.0, allowed: 1.0 }
+    }
 }
 
 /// Samples of streams that were not followed, by reason.
@@ -159,6 +181,8 @@ pub struct DroppedSamples {
     pub age: u64,
     /// The mode takes no such samples.
     pub mode: u64,
+    /// Samples of this client come too seldom or too unevenly to be followed.
+    pub link: u64,
     /// Its values make no sense for this robot.
     pub values: u64,
 }
@@ -247,6 +271,12 @@ pub enum StreamChange {
     Starved,
     /// Samples came again.
     Resumed,
+    /// Its link is bad: the robot follows it at lower speeds.
+    Slowed,
+    /// Its link is too bad: the robot does not follow it.
+    Refused,
+    /// Its link is good again.
+    Restored,
     /// The epoch or the mode ended it.
     Ended,
 }

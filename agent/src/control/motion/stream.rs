@@ -14,7 +14,8 @@
 //! speeds at each tick, at the position commanded. [`SpeedFollower`] does the rest. They are
 //! believed until the stream starves.
 //!
-//! Joints that the newest sample does not command come to rest and stay.
+//! Joints that the newest sample does not command come to rest and stay. A bad link lowers the limits
+//! of speed, see [`LinkQuality`](crate::control::link_quality::LinkQuality).
 
 use std::time::Duration;
 
@@ -25,6 +26,7 @@ use super::SpeedFollower;
 use super::twist::joint_velocity;
 use crate::control::equipment::Equipment;
 use crate::control::io::{StreamSample, StreamValues, TwistTarget};
+use crate::control::link_quality::LEAST_ALLOWED;
 use crate::control::state::{LoopState, Tick};
 use crate::drivers::JointSet;
 
@@ -42,6 +44,8 @@ pub(in crate::control) struct StreamFollower {
     wanted: Wanted,
     pace: Option<Pace>,
     arrived: MonoTime,
+    /// Share of the limits of speed that is used; none before the first tick.
+    rate: Option<f64>,
 }
 
 /// What the newest sample asks for.
@@ -71,6 +75,8 @@ struct Moment<'a> {
     limits: &'a MotionLimits,
     equipment: &'a Equipment,
     speed_ratio: f64,
+    /// Share of the limits of speed that the stream's link allows.
+    allowed: f64,
 }
 
 impl StreamFollower {
@@ -141,7 +147,15 @@ impl StreamFollower {
             velocity: held.velocity,
             acceleration: held.velocity.map_indexed(|_, _| 0.0),
         });
-        let (limits, period_s) = (moment.limits, moment.period.as_secs_f64());
+        let rate = self.eased_rate(moment);
+        let slowed;
+        let limits = if rate < 1.0 {
+            slowed = moment.limits.slowed(rate);
+            &slowed
+        } else {
+            moment.limits
+        };
+        let period_s = moment.period.as_secs_f64();
         let speed = |wanted: &JointVector| {
             let wanted = wanted.map_indexed(|_, speed| moment.speed_ratio * speed);
             SpeedFollower::new(&state).tick(&wanted, limits, period_s)
@@ -163,6 +177,17 @@ impl StreamFollower {
         };
         self.state = Some(next);
         (next, followed)
+    }
+
+    /// Share of the limits of speed in this tick. It changes so slowly that a joint at its limit
+    /// keeps it with half of its acceleration.
+    fn eased_rate(&mut self, moment: &Moment<'_>) -> f64 {
+        // What is refused comes to rest for want of samples.
+        let allowed = moment.allowed.clamp(LEAST_ALLOWED, 1.0);
+        let before = self.rate.unwrap_or(allowed);
+        let slope = moment.limits.iter().map(|axis| 0.5 * axis.acceleration / axis.velocity);
+        let step = slope.fold(f64::INFINITY, f64::min) * moment.period.as_secs_f64();
+        *self.rate.insert(allowed.clamp(before - step, before + step))
     }
 
     /// How long the newest sample is believed.
@@ -271,6 +296,7 @@ impl LoopState {
             limits: &limits,
             equipment: &self.equipment,
             speed_ratio: self.speed_ratio,
+            allowed: self.stream.allowed(),
         };
         let (state, followed) = self.stream.follower_mut()?.next(&held, &moment);
         self.stream.note_followed(followed);

@@ -146,10 +146,10 @@ impl TrajectoryMotion {
         !matches!(self.pace, Pace::Before)
     }
 
-    /// Whether it began, or begins, at an instant with other robots that it cannot tell anything:
+    /// Whether it began, or begins, at an instant with other robots that would not go slower with it:
     /// their pace it has to keep.
     pub(super) const fn is_common(&self) -> bool {
-        self.start.is_some() && self.coupling.is_none()
+        self.start.is_some() && !self.shares_pace()
     }
 
     /// Whether it is followed together with other robots.

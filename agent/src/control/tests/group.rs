@@ -267,11 +267,16 @@ fn a_pause_of_one_rests_both_at_one_place_and_its_end_moves_both() {
 }
 
 #[test]
-fn a_pause_of_one_that_keeps_its_own_pace_is_its_own() {
+fn one_of_robots_that_each_keep_their_pace_cannot_be_paused_or_slowed() {
+    // Where they may be at the same time was proved clear for the full rate only.
     let mut pair = Pair::under_way(Independent);
-    pair.rigs[1].order(Order::Pause(Uuid::from_u128(MOTION)));
+    let id = Uuid::from_u128(MOTION);
+    let pause = pair.rigs[1].order(Order::Pause(id));
+    let slow = pair.rigs[1].order(Order::SetSpeedRatio(0.5));
     pair.ticks(100);
-    assert_eq!(pair.rates(), [1.0, 0.0]);
+    assert_eq!(pair.rigs[1].answer(pause), Some(Err(Refusal::NotPausable)));
+    assert_eq!(pair.rigs[1].answer(slow), Some(Err(Refusal::Busy(id))));
+    assert_eq!(pair.rates(), [1.0, 1.0]);
 }
 
 #[test]

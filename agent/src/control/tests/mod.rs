@@ -15,6 +15,7 @@ mod jog;
 mod jog_cartesian;
 mod jog_joint;
 mod limiter;
+mod link_quality;
 mod mode_model;
 mod modes;
 mod own_moves;

@@ -8,8 +8,8 @@ use uuid::Uuid;
 
 use super::rig::{JOINTS, PERIOD, Rig, joints};
 use crate::control::{
-    DroppedSamples, LoopEvent, Order, StreamChange, StreamReport, StreamSample, StreamValues,
-    TwistTarget,
+    DroppedSamples, LinkReport, LoopEvent, Order, StreamChange, StreamReport, StreamSample,
+    StreamValues, TwistTarget,
 };
 use crate::drivers::JointSet;
 
@@ -232,7 +232,8 @@ fn the_newest_good_sample_of_a_tick_is_followed_and_all_are_counted() {
     rig.samples.push(wrong);
     rig.tick();
     let newest = rig.now;
-    let expected = StreamReport { taken: 3, dropped: 1, limited: 0, newest, starved: false };
+    let link = LinkReport::default();
+    let expected = StreamReport { taken: 3, dropped: 1, limited: 0, newest, starved: false, link };
     assert_eq!(report(&rig), Some(expected));
     for _ in 0..400 {
         send(&mut rig, position([0.001, 0.0, 0.0]));

@@ -20,7 +20,7 @@ const WINDOW: Duration = Duration::from_secs(10);
 /// How many.
 const MOST: u32 = 6;
 
-/// How often a stream has starved and gone on of late.
+/// How often a stream has starved and gone on, or was slowed and not, of late.
 #[derive(Debug, Default)]
 pub(in crate::runtime) struct Flapping {
     /// When the window began; none if nothing was told.
@@ -92,6 +92,21 @@ const fn words(change: StreamChange) -> (Severity, &'static str, &'static str) {
             (Severity::Warning, "starved", "the stream of commands starved: decelerating")
         }
         StreamChange::Resumed => (Severity::Info, "resumed", "the stream of commands goes on"),
+        StreamChange::Slowed => (
+            Severity::Warning,
+            "slowed",
+            "samples come seldom or unevenly: the stream is followed at lower speeds",
+        ),
+        StreamChange::Refused => (
+            Severity::Warning,
+            "refused",
+            "samples come too seldom, late or unevenly: the stream is not followed",
+        ),
+        StreamChange::Restored => (
+            Severity::Info,
+            "restored",
+            "samples come evenly again: the stream is followed at full speed",
+        ),
         StreamChange::Ended => (Severity::Info, "ended", "the stream of commands ended"),
     }
 }

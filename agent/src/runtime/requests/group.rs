@@ -19,7 +19,7 @@ const LOSS_MS: (f64, f64) = (30.0, 150.0);
 const DIVERGENCE_MS: (f64, f64) = (1.0, 1000.0);
 /// Slowest change of the rate with which a rigid group can end together \[1/s\].
 const RIGID_SLOPE_S: f64 = 0.5;
-/// Furthest that a joint of a rigid group may get before a partner's loss at the start is noticed
+/// Furthest that a joint of a rigid group may get before it rests, if a partner is lost at the start
 /// \[rad or m\].
 const RIGID_TRAVEL: f64 = 2e-3;
 
@@ -66,12 +66,11 @@ impl Requests {
     /// know of it.
     pub(super) async fn prepare_group(
         &self,
-        params: &GroupParams,
+        (params, model_rev): (&GroupParams, u64),
         trajectory: &Arc<CompiledTrajectory>,
     ) -> Result<(PreparedGroup, GroupReadiness), Denial> {
         self.check_partners(params)?;
         self.check_times(params)?;
-        let model_rev = self.check_model_rev(params.model_rev)?;
         let loss = Duration::from_millis(params.loss_ms);
         let window_s = (loss + self.params.period).as_secs_f64();
         let start = StartTravel::of(trajectory, window_s);
@@ -165,8 +164,8 @@ impl Requests {
         Ok(())
     }
 
-    /// Revision of tools and payloads in force, if it is the one asked for.
-    fn check_model_rev(&self, asked: Option<u64>) -> Result<u64, Denial> {
+    /// Revision of tools and payloads in force, if it is the one asked for in `field`.
+    pub(super) fn check_model_rev(&self, asked: Option<u64>, field: &str) -> Result<u64, Denial> {
         let board = self.board.lock();
         let in_force = board.snapshot.config_seqno;
         let robot = &board.vocabulary.robot;
@@ -179,7 +178,7 @@ impl Requests {
                      for {asked}: plan it anew"
                 ),
             )
-            .with("field", "group.model_rev")
+            .with("field", field)
             .with("value", asked)
             .with("limit", in_force)),
         }
@@ -196,8 +195,8 @@ impl Requests {
             let joint = self.joint_names.get(start.joint).map_or("?", String::as_str);
             let stretch = StartTravel::stretch(trajectory, window_s, RIGID_TRAVEL);
             let text = format!(
-                "{joint} moves {:.4} before the loss of a partner at the start is noticed, a rigid \
-                 group allows {RIGID_TRAVEL}: start more softly, or take {:.2} times as long",
+                "{joint} moves {:.4} until it rests if a partner is lost at the start, a rigid group \
+                 allows {RIGID_TRAVEL}: start more softly, or take {:.2} times as long",
                 start.travel,
                 rounded_up(stretch)
             );

@@ -13,7 +13,7 @@ use uuid::Uuid;
 use super::group::PreparedGroup;
 use super::trajectory::check_lease_loss;
 use super::{Asker, Requests, check_new};
-use crate::control::{FollowOrder, Refusal};
+use crate::control::{FollowOrder, GroupOrder, Refusal};
 use crate::runtime::clock::monotonic;
 use crate::runtime::leases::check_may_move;
 
@@ -31,6 +31,8 @@ pub(in crate::runtime) struct PreparedMotion {
     /// None if it is followed alone, at an instant.
     group: Option<PreparedGroup>,
     epoch: u64,
+    /// Revision of tools and payloads that it was looked at with.
+    model_rev: u64,
     expires: MonoTime,
 }
 
@@ -45,13 +47,15 @@ impl Requests {
         // wait for it.
         let trajectory = self.compile(&params.trajectory, &self.limits_of_moves())?;
         let epoch = self.check_ready_to_follow(&asker, &trajectory)?;
+        let asked_rev = params.group.as_ref().and_then(|group| group.model_rev);
+        let model_rev = self.check_model_rev(asked_rev, "group.model_rev")?;
         if params.group.is_some() && params.motion_id.is_none() {
             let text = "motion_id is left out, but all robots of a group need the same";
             let denial = Denial::new(DenialCode::InvalidArgument, text);
             return Err(denial.with("field", "motion_id"));
         }
         let group = match &params.group {
-            Some(group) => Some(self.prepare_group(group, &trajectory).await?),
+            Some(group) => Some(self.prepare_group((group, model_rev), &trajectory).await?),
             None => None,
         };
         if !group.is_some_and(|(group, _)| group.shares_pace()) {
@@ -67,6 +71,7 @@ impl Requests {
                 on_lease_loss: params.on_lease_loss,
                 group: group.map(|(group, _)| group),
                 epoch,
+                model_rev,
                 expires,
             },
         )?;
@@ -114,15 +119,9 @@ impl Requests {
                 format!("motion {} is not prepared, or its time is over", params.motion_id),
             )
         })?;
-        let group = match (&prepared.group, params.rate_slope_s) {
-            (Some(group), slope) => Some(group.order(slope)?),
-            (None, None) => None,
-            (None, Some(_)) => {
-                let text = "rate_slope_s is for motions that were prepared with a group";
-                let denial = Denial::new(DenialCode::InvalidArgument, text);
-                return Err(denial.with("field", "rate_slope_s"));
-            }
-        };
+        let group = self.group_order(&prepared, params.rate_slope_s).inspect_err(|_| {
+            self.groups.close(params.motion_id);
+        })?;
         let order = FollowOrder {
             id: params.motion_id,
             trajectory: prepared.trajectory,
@@ -136,8 +135,27 @@ impl Requests {
         self.follow(&asker, order).await
     }
 
+    /// How a prepared motion is to be followed with others, if it may still be followed at all.
+    fn group_order(
+        &self,
+        prepared: &PreparedMotion,
+        rate_slope_s: Option<f64>,
+    ) -> Result<Option<GroupOrder>, Denial> {
+        self.check_model_rev(Some(prepared.model_rev), "model_rev")?;
+        match (&prepared.group, rate_slope_s) {
+            (Some(group), slope) => group.order(slope).map(Some),
+            (None, None) => Ok(None),
+            (None, Some(_)) => {
+                let text = "rate_slope_s is for motions that were prepared with a group";
+                let denial = Denial::new(DenialCode::InvalidArgument, text);
+                Err(denial.with("field", "rate_slope_s"))
+            }
+        }
+    }
+
     pub(super) async fn abort(&self, asker: Asker, params: CancelParams) -> Result<Empty, Denial> {
         if self.take_prepared(params.motion_id).is_some() {
+            self.groups.close(params.motion_id);
             return Ok(Empty {});
         }
         self.cancel(asker, params).await

@@ -105,6 +105,7 @@ const fn stream(starved: bool, allowed: f64) -> StreamStatistics {
         starved,
         jitter_ms: 4.25,
         loss: 0.05,
+        state_age_ms: 12.0,
         allowed,
     }
 }
@@ -147,7 +148,7 @@ rows! {
     DrivenBy: |s| s.lease = Some(lease(false)),
         "driven by anna (operator) for another 0.8 s, who took it: \"planner hangs\"",
         Some("anna"), true,
-        "anybody but anna: wait, or: armada lease take left_arm";
+        "anybody but anna: wait, or: armada lease take left_arm --role operator --reason WHY";
     LeaseStale: |s| s.lease = Some(lease(true)),
         "the lease of anna (operator) has run out: it may renew it, anybody may have one, who took \
          it: \"planner hangs\"",

@@ -79,14 +79,15 @@ pub(super) async fn measure(args: StopArgs) -> anyhow::Result<Report> {
     let mut bench = Bench::start(&args, &mut machine).await?;
     let mut times = Times::default();
     let mut progress = Progress::new();
-    let begin = monotonic();
+    let (begin, before) = (monotonic(), bench.flooded().await?);
     for round in 0..args.rounds {
         progress.show(&format!("stop {} of {}", round + 1, args.rounds));
         bench.round(round, &mut times).await?;
     }
     drop(progress);
     let time = monotonic().saturating_since(begin);
-    let flooded = bench.flooded(time).await?;
+    let sent = bench.flooded().await?.zip(before).map(|(after, before)| after - before);
+    let flooded = sent.map(|sent| f64::from(sent) / time.as_secs_f64());
     bench.end().await?;
     let settings = json!({
         "rounds": args.rounds, "arms": args.arms, "flood_hz": args.flood,
@@ -94,7 +95,7 @@ pub(super) async fn measure(args: StopArgs) -> anyhow::Result<Report> {
     });
     let mut report = times.report(Report::new("stop", settings, machine));
     if let Some(rate_hz) = flooded {
-        report.note(format!("flooded with {rate_hz:.0} messages a second, all arms together"));
+        report.note(format!("flooded with {rate_hz:.0} puts a second, all arms together"));
     }
     Ok(report)
 }
@@ -200,11 +201,12 @@ impl Bench {
         Ok(())
     }
 
-    /// How many messages a second the flood really had.
-    async fn flooded(&mut self, time: Duration) -> anyhow::Result<Option<f64>> {
-        let Some(flood) = &mut self.flood else { return Ok(None) };
-        let sent: u32 = flood.ask(Ask::Sent).await?;
-        Ok(Some(f64::from(sent) / time.as_secs_f64()))
+    /// How often the flood has put so far.
+    async fn flooded(&mut self) -> anyhow::Result<Option<u32>> {
+        match &mut self.flood {
+            Some(flood) => Ok(Some(flood.ask(Ask::Sent).await?)),
+            None => Ok(None),
+        }
     }
 
     async fn end(self) -> anyhow::Result<()> {

@@ -51,9 +51,7 @@ pub(crate) async fn run(args: EventsArgs) -> anyhow::Result<Exit> {
         };
         let wanted = args.robots.is_empty()
             || event.robot.as_ref().is_some_and(|robot| args.robots.contains(robot));
-        if wanted {
-            print(&event, from, &mut seen, &out)?;
-        }
+        print(&event, from, &mut seen, wanted.then_some(&out))?;
     }
     Ok(Exit::Success)
 }
@@ -63,12 +61,12 @@ fn is_passed_on(from: Option<&RobotName>, event: &Event) -> bool {
     from.is_none() && event.details.contains_key(PASSED_ON)
 }
 
-/// Prints an event from a robot, or from the gateway.
+/// Prints an event from a robot, or from the gateway; without `out` it is only counted.
 fn print(
     event: &Event,
     from: Option<RobotName>,
     seen: &mut Seen,
-    out: &Output,
+    out: Option<&Output>,
 ) -> anyhow::Result<()> {
     let is_passed_on = is_passed_on(from.as_ref(), event);
     let name = from.as_ref().map_or_else(|| "gateway".to_owned(), ToString::to_string);
@@ -76,9 +74,9 @@ fn print(
     if let Order::After(missing) = order {
         note(format_args!("{name}: {missing} events were lost"));
     }
-    if is_passed_on || order == Order::Repeated {
+    let Some(out) = out.filter(|_| !is_passed_on && order != Order::Repeated) else {
         return Ok(());
-    }
+    };
     if out.is_json() { out.json_line(event) } else { out.line(text(event)) }
 }
 

@@ -112,15 +112,17 @@ async fn reset_by_gateway(
     latched: Vec<(RobotName, StopLatch)>,
     key: Option<&SigningKey>,
 ) -> anyhow::Result<CellResetAnswer> {
-    let mut signed = BTreeMap::new();
-    for (robot, latch) in latched.iter().filter(|(_, latch)| latch.reset.signed) {
-        let reset = params(client, robot, latch, key).await.with_context(|| robot.to_string())?;
-        if reset.signature.is_some() {
-            signed.insert(robot.clone(), reset);
+    let (mut resets, mut refused) = (BTreeMap::new(), Vec::new());
+    for (robot, latch) in latched {
+        match params(client, &robot, &latch, key).await {
+            Ok(params) => drop(resets.insert(robot, params)),
+            // The others are reset all the same.
+            Err(error) => refused.push((robot, denial_of(error))),
         }
     }
-    let robots = latched.into_iter().map(|(robot, _)| robot).collect();
-    Ok(client.call_cell::<cell::Reset>(CellResetParams { robots, signed }).await?)
+    let mut answer = client.call_cell::<cell::Reset>(CellResetParams { resets }).await?;
+    answer.refused.extend(refused);
+    Ok(answer)
 }
 
 async fn latched(
@@ -152,6 +154,14 @@ async fn latched(
     }
 }
 
+/// Why a robot is not reset.
+fn denial_of(error: ClientError) -> Denial {
+    match error {
+        ClientError::Denied(denial) => denial,
+        error => Denial::new(DenialCode::CommunicationLost, error.to_string()),
+    }
+}
+
 async fn reset_at_agents(
     client: &Client,
     robots: Vec<(RobotName, StopLatch)>,
@@ -165,11 +175,7 @@ async fn reset_at_agents(
         };
         match asked.await {
             Ok(done) => answer.reset.push((robot, done.cleared)),
-            Err(ClientError::Denied(denial)) => answer.refused.push((robot, denial)),
-            Err(error) => {
-                let denial = Denial::new(DenialCode::CommunicationLost, error.to_string());
-                answer.refused.push((robot, denial));
-            }
+            Err(error) => answer.refused.push((robot, denial_of(error))),
         }
     }
     answer

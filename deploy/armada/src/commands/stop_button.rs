@@ -1,13 +1,14 @@
 //! `armada stop-button`: a source of stops that has to check in.
 //!
 //! It begins pressed, for nobody has said otherwise, and is pressed again when its input ends. When
-//! this program ends or hangs the robots hear nothing, which is a press.
+//! this program ends the robots hear nothing, which is a press. Zenoh answers them from threads of its
+//! own, so a picture that hangs, or lines that stop coming where they are to be repeated, has to be
+//! seen here: that is a press too.
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use armada_protocol::RobotName;
@@ -23,13 +24,15 @@ use tokio::io::{AsyncBufReadExt as _, BufReader};
 use tokio::sync::watch;
 
 use crate::cell_address::CellArgs;
+use crate::clock;
 use crate::exit::{Exit, UsageError};
 use crate::output::note;
 use crate::signals::Signals;
 
 /// Time between pictures.
 const FRAME: Duration = Duration::from_millis(100);
-/// A robot that has not asked for so long is not there any more.
+/// A robot that has not asked for so long is not there any more, and a picture that is older shows
+/// nothing.
 const SILENT: Duration = Duration::from_millis(500);
 
 /// What `armada stop-button --help` begins with.
@@ -45,10 +48,11 @@ emergency stop of a robot: where people can be hurt, press that.";
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   armada stop-button --name door_1                        keys: space presses, r releases, q ends
-  read-door-switch | armada stop-button --name door_1 --stdin-level
+  read-door-switch | armada stop-button --name door_1 --stdin-level --repeat 0.2
 
-It begins pressed. With --stdin-level a line `pressed` or `released` is one change of a real input;
-anything else, and the end of the input, is a press. When this program ends, that is a press too.")]
+It begins pressed. With --stdin-level a line `pressed` or `released` is what a real input says;
+anything else, and the end of the input, is a press. With --repeat silence is one as well; without,
+nobody sees that the program before it hangs. When this program ends, that is a press too.")]
 pub(crate) struct StopButtonArgs {
     /// Name of the source, as in the robot files
     #[arg(long, value_name = "NAME", value_parser = parse_name)]
@@ -56,6 +60,9 @@ pub(crate) struct StopButtonArgs {
     /// Follow lines `pressed` and `released` on standard input instead of keys
     #[arg(long)]
     stdin_level: bool,
+    /// With --stdin-level: a line has to come so often, else the button counts as pressed
+    #[arg(long, value_name = "SECONDS", requires = "stdin_level", value_parser = parse_repeat)]
+    repeat: Option<Duration>,
     /// File with the key that check-ins are signed with, as in the robot files
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     key_file: Option<PathBuf>,
@@ -70,8 +77,41 @@ fn parse_name(text: &str) -> Result<String, String> {
     named.map(|_| text.to_owned()).map_err(|_| rule.to_owned())
 }
 
-/// The button: pressed or not.
-type Level = Arc<AtomicBool>;
+fn parse_repeat(text: &str) -> Result<Duration, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.05..=10.0).contains(&seconds) => Ok(Duration::from_secs_f64(seconds)),
+        _ => Err("must be a number of seconds from 0.05 to 10".to_owned()),
+    }
+}
+
+/// The button: pressed or not, and when somebody has said so last.
+#[derive(Debug)]
+struct Level {
+    said: Mutex<(bool, Instant)>,
+    /// How long what was said counts; for ever if none.
+    patience: Option<Duration>,
+}
+
+impl Level {
+    fn new(patience: Option<Duration>) -> Self {
+        Self { said: Mutex::new((true, clock::now())), patience }
+    }
+
+    fn is_pressed(&self) -> bool {
+        let (pressed, at) = *self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let age = clock::now().saturating_duration_since(at);
+        pressed || self.patience.is_some_and(|patience| age > patience)
+    }
+
+    fn set(&self, pressed: bool) {
+        *self.said.lock().unwrap_or_else(PoisonError::into_inner) = (pressed, clock::now());
+    }
+
+    /// Says the same again.
+    fn repeat(&self) {
+        self.said.lock().unwrap_or_else(PoisonError::into_inner).1 = clock::now();
+    }
+}
 
 /// Answers until it is ended.
 pub(crate) async fn run(args: StopButtonArgs) -> anyhow::Result<Exit> {
@@ -82,9 +122,10 @@ pub(crate) async fn run(args: StopButtonArgs) -> anyhow::Result<Exit> {
     let key = args.key_file.as_deref().map(SigningKey::read).transpose()?;
     let mut signals = Signals::new()?;
     let client = args.cell.address()?.connect_for_stop().await?;
-    let level: Level = Arc::new(AtomicBool::new(true));
+    let level = Level::new(if args.stdin_level { args.repeat } else { Some(SILENT) });
+    let level = Arc::new(level);
     let read = Arc::clone(&level);
-    let read = move || read.load(Ordering::SeqCst);
+    let read = move || read.is_pressed();
     let source = client.answer_stop_source(&args.name, key, read).await?;
     if args.stdin_level {
         follow_lines(&level, &mut signals).await;
@@ -110,10 +151,12 @@ async fn follow_lines(level: &Level, signals: &mut Signals) {
             Ok(Some(line)) => level_of(&line),
             Ok(None) | Err(_) => break,
         };
-        level.store(pressed, Ordering::SeqCst);
-        note(if pressed { "pressed" } else { "released" });
+        if level.is_pressed() != pressed {
+            note(if pressed { "pressed" } else { "released" });
+        }
+        level.set(pressed);
     }
-    level.store(true, Ordering::SeqCst);
+    level.set(true);
     note("the input has ended: pressed");
     signals.next().await;
 }
@@ -135,7 +178,7 @@ impl Drop for Restored {
 async fn show(
     mut terminal: DefaultTerminal,
     name: &str,
-    level: &Level,
+    level: &Arc<Level>,
     source: &AnsweredStopSource,
     signals: &mut Signals,
 ) -> anyhow::Result<()> {
@@ -150,12 +193,14 @@ async fn show(
             _ = ended.changed() => return Ok(()),
             _ = frames.tick() => {}
         }
-        let pressed = level.load(Ordering::SeqCst);
+        let pressed = level.is_pressed();
         let lines = picture(name, pressed, &source.asking());
         let draw = |frame: &mut Frame<'_>| {
             frame.render_widget(Paragraph::new(lines), frame.area());
         };
         terminal.draw(draw).context("the terminal cannot be drawn on")?;
+        // Whoever looks at the picture sees what robots are told.
+        level.repeat();
     }
 }
 
@@ -163,11 +208,11 @@ async fn show(
 fn follow_keys(level: &Level, ends: &watch::Sender<bool>) {
     loop {
         match event::read().map(|event| action_of(&event)) {
-            Ok(Some(Action::Press)) => level.store(true, Ordering::SeqCst),
-            Ok(Some(Action::Release)) => level.store(false, Ordering::SeqCst),
+            Ok(Some(Action::Press)) => level.set(true),
+            Ok(Some(Action::Release)) => level.set(false),
             Ok(None) => {}
             Ok(Some(Action::Quit)) | Err(_) => {
-                level.store(true, Ordering::SeqCst);
+                level.set(true);
                 ends.send_replace(true);
                 return;
             }
@@ -241,6 +286,21 @@ mod tests {
         assert_eq!(key(KeyCode::Char('r'), KeyModifiers::CONTROL), None);
         assert_eq!(key(KeyCode::Char('x'), KeyModifiers::NONE), None);
         assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Some(Action::Quit));
+    }
+
+    #[test]
+    fn what_nobody_says_again_in_time_is_a_press() {
+        let level = Level::new(Some(Duration::from_millis(20)));
+        assert!(level.is_pressed(), "at first");
+        level.set(false);
+        let begin = clock::now();
+        while !level.is_pressed() {
+            assert!(clock::now() - begin < Duration::from_secs(5), "it never is");
+            std::thread::yield_now();
+        }
+        let level = Level::new(None);
+        level.set(false);
+        assert!(!level.is_pressed(), "one that is said once");
     }
 
     #[test]

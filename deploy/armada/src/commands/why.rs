@@ -2,14 +2,12 @@
 
 use armada_model::MonoTime;
 use armada_protocol::RobotName;
-use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{RobotStatus, Why, WhyCode};
 use clap::Args;
 use serde_json::{Map, Value, json};
 
 use crate::cell_address::CellArgs;
 use crate::commands::modes::{error_value, robots_or_all, words_of};
-use crate::commands::status::advice;
 use crate::exit::Exit;
 use crate::words;
 
@@ -37,7 +35,7 @@ pub(crate) async fn run(args: WhyArgs) -> anyhow::Result<Exit> {
     let mut exit = Exit::Success;
     let mut answers = Map::new();
     for robot in robots {
-        let status = ask(&client, &robot).await;
+        let status = client.robot_status(&robot).await;
         if !status.as_ref().is_ok_and(|status| is_free_to_move(&status.why)) {
             exit = Exit::Failure;
         }
@@ -53,27 +51,6 @@ pub(crate) async fn run(args: WhyArgs) -> anyhow::Result<Exit> {
         out.json(&Value::Object(answers))?;
     }
     Ok(exit)
-}
-
-/// The status of a robot, with reasons in any case.
-async fn ask(client: &Client, robot: &RobotName) -> Result<RobotStatus, ClientError> {
-    let mut status = client.robot_status(robot).await?;
-    if status.why.is_empty() {
-        status.why = vec![reason_of_older_agent(&status)];
-    }
-    Ok(status)
-}
-
-/// An agent that gives no reasons is asked for its stop and its faults only.
-fn reason_of_older_agent(status: &RobotStatus) -> Why {
-    let (code, message) = if let Some(stop) = &status.stop {
-        (WhyCode::Stopped, format!("stop {:?} is latched", stop.level))
-    } else if let Some(fault) = status.faults.first() {
-        (WhyCode::Faulted, fault.message.clone())
-    } else {
-        (WhyCode::Ready, "its agent gives no reasons; it has no stop and no fault".to_owned())
-    };
-    Why { code, message, who: None, since_ns: None }
 }
 
 fn value(status: &RobotStatus) -> Value {
@@ -100,7 +77,7 @@ const fn keeps_from_moving(code: WhyCode) -> bool {
     }
 }
 
-/// The reasons of one robot, what a reset needs, its sources of stops, and what to do.
+/// The reasons of one robot, its sources of stops, and what to do.
 fn told(status: &RobotStatus) -> String {
     let robot = &status.robot;
     let mut lines = Vec::new();
@@ -108,10 +85,6 @@ fn told(status: &RobotStatus) -> String {
         let begin = if index == 0 { headline(robot, &status.why) } else { "  also:".to_owned() };
         let since = since(status.stamp_ns, why.since_ns);
         lines.push(format!("{begin} {}{since}", why.message));
-    }
-    if let Some(stop) = &status.stop {
-        let reset = advice::reset(robot, &stop.reset);
-        lines.push(format!("  it may be reset when it is safe: {reset}"));
     }
     lines.extend(status.stop_sources.iter().map(|s| format!("  {}", words::stop_source(s))));
     lines.extend(status.next.iter().map(|next| format!("  next: {next}")));
@@ -170,8 +143,6 @@ mod tests {
         let expected = "\
 left_arm does not move: stop L1 by door_1: door opened, since 12 s
   also: elbow is behind, since 2.5 s
-  it may be reset when it is safe: acknowledge it at the arm, and then \
-`armada reset left_arm --key-file FILE`
   door_1 PRESSED or silent, heard 42 ms ago
   next: release door_1";
         assert_eq!(told(&status), expected);
@@ -208,15 +179,5 @@ left_arm does not move: stop L1 by door_1: door opened, since 12 s
         assert!(free(Ready) && free(Halted) && free(LeaseStale));
         assert!(!free(Stopped) && !free(Local) && !free(DrivenBy));
         assert!(!is_free_to_move(&[why(Halted, "", None), why(Stopped, "", None)]));
-    }
-
-    #[test]
-    fn an_agent_without_reasons_is_not_taken_for_ready_while_it_is_stopped() {
-        let mut status = status();
-        assert_eq!(reason_of_older_agent(&status).code, WhyCode::Stopped);
-        status.stop = None;
-        assert_eq!(reason_of_older_agent(&status).code, WhyCode::Faulted);
-        status.faults.clear();
-        assert_eq!(reason_of_older_agent(&status).code, WhyCode::Ready);
     }
 }

@@ -151,13 +151,15 @@ impl Group {
     }
 
     /// How far the phases of two robots can get apart \[s\]: by what is allowed, and if one stops at
-    /// once, by the time until another notices and by its way to rest.
+    /// once, by the time until another notices, by its way to rest, and by what its controller is
+    /// behind its set-points.
     fn envelope_s(&self, cx: &Context<'_>) -> f64 {
         let records = self.parts.keys().filter_map(|robot| cx.robots.get(robot));
         let period = records.map(|record| record.period).max().unwrap_or_default();
         let stop_s = self.highest(|part| Some(part.readiness?.stop_time_s)).unwrap_or_default();
         let loss = Duration::from_millis(LOSS_MS);
-        1e-3 * self.max_divergence_ms() + (loss + period).as_secs_f64() + stop_s
+        let lag = self.parts.values().map(|part| part.lag()).max().unwrap_or_default();
+        1e-3 * self.max_divergence_ms() + (loss + period + lag).as_secs_f64() + stop_s
     }
 
     /// Takes the result of the check.
@@ -176,8 +178,9 @@ impl Group {
             Ok(ClearanceReport { answer, refusal: None, .. }) => {
                 if !answer.without_shape.is_empty() {
                     let unknown = answer.without_shape.join(", ");
-                    let message =
-                        format!("nothing is known of the clearance of {unknown}: no shapes");
+                    let message = format!(
+                        "nothing is known of the clearance of {unknown}: no shape or place"
+                    );
                     self.record(EventKind::Group, Severity::Warning, message, cx);
                 }
                 self.commit(cx);
@@ -254,10 +257,7 @@ impl Group {
 
     pub(super) fn refused(&mut self, robot: &RobotName, denial: Denial, cx: &mut Context<'_>) {
         if let Some(part) = self.parts.get_mut(robot) {
-            let unknown = matches!(
-                denial.code,
-                DenialCode::Timeout | DenialCode::Unreachable | DenialCode::CommunicationLost
-            );
+            let unknown = plan::is_unknown(&denial);
             // Without an answer the agent may hold the trajectory all the same.
             if part.step == Step::Preparing && !unknown {
                 part.step = Step::Refused;

@@ -98,8 +98,16 @@ impl Group {
             self.record(EventKind::Group, Severity::Error, denial.message.clone(), cx);
             return self.fail(denial, cx);
         }
-        if self.silence_time(cx.timers).is_none_or(|at| at > cx.now) {
-            return self.poll(cx);
+        match self.silence_time(cx.timers) {
+            Some(at) if at <= cx.now => {}
+            Some(_) => return self.poll(cx),
+            // What is left of it is out of sight, and may never come back.
+            None => {
+                let mut lost = self.parts.iter().filter(|(_, part)| part.is_open() && part.is_lost);
+                let Some((robot, _)) = lost.next() else { return };
+                let denial = plan::of(robot, DenialCode::CommunicationLost, "its agent is gone");
+                return self.fail(denial, cx);
+            }
         }
         let open = self.parts.iter().filter(|(_, part)| part.is_open() && !part.is_lost);
         let silent: Vec<_> = open.map(|(robot, _)| robot.as_str()).collect();

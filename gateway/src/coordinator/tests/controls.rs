@@ -69,11 +69,12 @@ fn a_speed_is_answered_with_what_is_in_force() {
 
 #[test]
 fn a_robot_that_refuses_is_named_and_so_are_those_that_did_it() {
-    let (mut bench, _) = leased();
+    let (mut bench, lease) = leased();
     // Somebody took the lease of one robot.
     let now = bench.now;
     bench.agent("right").lease = Some((Uuid::from_u128(9), "boss".to_owned(), now + ms(60_000)));
-    let ticket = control(&mut bench, Control::Pause);
+    let (motion_id, lease, control) = (Uuid::from_u128(1), Some(lease), Control::Pause);
+    let ticket = bench.request(CellRequest::Control { motion_id, lease, control });
     bench.run(ms(50));
     let denial = bench.denial(ticket);
     assert_eq!(denial.code, DenialCode::LeaseRequired);
@@ -95,12 +96,13 @@ fn a_robot_that_does_not_answer_is_named() {
 }
 
 #[test]
-fn another_client_needs_a_lease_of_the_motion() {
+fn whoever_it_is_needs_a_lease_of_the_motion() {
     let (mut bench, lease) = leased();
     let motion_id = Uuid::from_u128(1);
     let ask = |bench: &mut Bench, lease| {
-        let control = Control::Pause;
-        let ticket = bench.request_of("other", CellRequest::Control { motion_id, lease, control });
+        // The name that the motion was begun under, which anybody may give himself.
+        let ticket =
+            bench.request(CellRequest::Control { motion_id, lease, control: Control::Pause });
         bench.run(ms(50));
         ticket
     };

@@ -107,7 +107,12 @@ fn play(script: Vec<(Op, u64)>, fates: Vec<Fate>) -> (Bench, Vec<Ticket>) {
                 bench.feed(Input::CellStop(request));
             }
             Op::Reset => {
-                tickets.push(bench.request(CellRequest::Reset(CellResetParams::default())))
+                let stopped = bench.agents.iter().filter_map(|(robot, agent)| {
+                    let latch = agent.status.stop.as_ref()?;
+                    Some((robot.clone(), latch.reset_params()))
+                });
+                let params = CellResetParams { resets: stopped.collect() };
+                tickets.push(bench.request(CellRequest::Reset(params)));
             }
             Op::Die(robot) => bench.vanish(robot),
             Op::Restart(robot) => bench.appear(robot, next),
@@ -131,8 +136,12 @@ fn play(script: Vec<(Op, u64)>, fates: Vec<Fate>) -> (Bench, Vec<Ticket>) {
         }
         bench.run(ms(pause));
     }
-    // What is paused would never end.
-    for id in 1_001..=next {
+    bench.run(ms(15_000));
+    // What is paused never ends by itself; everything else has.
+    let paused: Vec<_> = (1_001..=next)
+        .filter(|&id| bench.motion(id).last().is_some_and(|m| m.status == ActionStatus::Paused))
+        .collect();
+    for id in paused {
         let motion_id = Uuid::from_u128(id);
         tickets.push(bench.request(CellRequest::Cancel { motion_id }));
     }

@@ -2,13 +2,14 @@
 
 use armada_protocol::messages::{
     ActionStatus, CellResetParams, CellVerdict, DenialCode, EventKind, ResetNeeds, ResetParams,
-    Severity, StopLevel, StopReport, StopRequest, StopScope, StopStage, StopVerdict,
+    RobotInfo, Severity, StopLatch, StopLevel, StopReport, StopRequest, StopScope, StopStage,
+    StopVerdict,
 };
 
 use uuid::Uuid;
 
 use super::bench::{Bench, Fate, ms, name, stop_request};
-use crate::coordinator::{Action, AgentCall, CellAnswer, CellRequest, Ticket};
+use crate::coordinator::{Action, AgentCall, CellAnswer, CellRequest, Input, Ticket};
 
 fn report(bench: &Bench, ticket: Ticket) -> &StopReport {
     match bench.answer(ticket) {
@@ -138,19 +139,39 @@ fn no_motion_begins_while_a_stop_is_in_progress() {
     assert_eq!(bench.denial(ticket).code, DenialCode::Stopped);
 }
 
+/// Resets of these robots, of what their agents have latched.
+fn shown(bench: &mut Bench, robots: &[&str]) -> CellRequest {
+    let reset = |robot: &&str| {
+        let agent = bench.agents.get(&name(robot));
+        let latch = agent.and_then(|agent| agent.status.stop.as_ref());
+        let nothing = ResetParams { stop_ids: vec![], nonce: Uuid::nil(), signature: None };
+        (name(robot), latch.map_or(nothing, StopLatch::reset_params))
+    };
+    CellRequest::Reset(CellResetParams { resets: robots.iter().map(reset).collect() })
+}
+
 #[test]
-fn a_reset_clears_what_each_robot_says_is_latched() {
+fn a_reset_clears_what_was_shown_of_each_robot_and_nothing_else() {
     let mut bench = Bench::new();
     stop(&mut bench, 9, StopScope::Cell);
     stop(&mut bench, 10, StopScope::Robots(vec![name("left")]));
     bench.run(ms(1_000));
+    let late = shown(&mut bench, &["right"]);
+    stop(&mut bench, 11, StopScope::Robots(vec![name("right")]));
+    bench.run(ms(100));
+    let ticket = bench.request(late);
+    bench.run(ms(100));
+    let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
+    assert!(answer.reset.is_empty() && answer.refused.len() == 1, "a stop came since: {answer:?}");
+    assert!(bench.agent("right").status.stop.is_some());
+    let all = shown(&mut bench, &["left", "right", "torso"]);
     bench.vanish("torso");
-    let ticket = bench.request(CellRequest::Reset(CellResetParams::default()));
+    let ticket = bench.request(all);
     bench.run(ms(100));
     let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
     let cleared: Vec<_> =
         answer.reset.iter().map(|(robot, ids)| (robot.as_str(), ids.len())).collect();
-    assert_eq!(cleared, [("left", 2), ("right", 1)]);
+    assert_eq!(cleared, [("left", 2), ("right", 2)]);
     let (robot, denial) = &answer.refused[0];
     assert_eq!((robot.as_str(), denial.code), ("torso", DenialCode::Unreachable));
     assert!(bench.agent("left").status.stop.is_none());
@@ -164,11 +185,10 @@ fn a_reset_reports_per_robot_what_went_wrong() {
     let mut bench = Bench::new();
     let now = bench.now;
     bench.agent("left").stop(&stop_request(3, StopScope::Cell), now);
+    let all = shown(&mut bench, &["left", "right", "torso", "nobody"]);
     bench.agents.remove(&name("right"));
-    let robots = ["left", "right", "torso", "nobody"].map(name).to_vec();
-    let ticket =
-        bench.request(CellRequest::Reset(CellResetParams { robots, ..Default::default() }));
-    bench.run(ms(1_100));
+    let ticket = bench.request(all);
+    bench.run(ms(2_100));
     let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
     let cleared: Vec<_> =
         answer.reset.iter().map(|(robot, ids)| (robot.as_str(), ids.len())).collect();
@@ -229,6 +249,24 @@ fn a_robot_that_does_not_come_to_rest_in_time_is_stopped_harder_and_others_are_n
 }
 
 #[test]
+fn a_robot_that_declares_a_long_stop_time_is_given_it() {
+    let mut bench = Bench::new();
+    let info = RobotInfo { stop_time_s: 2.0, ..bench.agent("torso").info.clone() };
+    bench.feed(Input::Info(Box::new(info)));
+    for robot in ["right", "torso"] {
+        bench.agent(robot).deaf_below = Some(StopLevel::L1);
+    }
+    stop(&mut bench, 9, StopScope::Cell);
+    let levels = |bench: &Bench, robot| stops_of(bench, robot).last().map(|stop| stop.level);
+    bench.run(ms(1_600));
+    assert_eq!(levels(&bench, "right"), Some(StopLevel::L1));
+    bench.run(ms(600));
+    assert_eq!(levels(&bench, "torso"), Some(StopLevel::L2), "it has 2 s, and the ways");
+    bench.run(ms(200));
+    assert_eq!(levels(&bench, "torso"), Some(StopLevel::L1));
+}
+
+#[test]
 fn a_level_never_falls_and_l0_is_not_raised() {
     let mut bench = Bench::new();
     bench.agents.remove(&name("right"));
@@ -243,33 +281,20 @@ fn a_level_never_falls_and_l0_is_not_raised() {
 }
 
 #[test]
-fn a_reset_passes_on_numbers_and_signatures_and_names_who_lacks_one() {
+fn a_reset_passes_on_numbers_and_signatures() {
     let mut bench = Bench::new();
     stop(&mut bench, 9, StopScope::Cell);
     bench.run(ms(1_000));
     let nonce = Uuid::from_u128(77);
-    for robot in ["left", "right", "torso"] {
-        let latch = bench.agent(robot).status.stop.as_mut().expect("latched");
-        latch.reset = ResetNeeds { nonce, signed: robot != "torso", ..ResetNeeds::default() };
-    }
+    let latch = bench.agent("left").status.stop.as_mut().expect("latched");
+    latch.reset = ResetNeeds { nonce, signed: true, ..ResetNeeds::default() };
     let own =
         ResetParams { stop_ids: vec![Uuid::from_u128(9)], nonce, signature: Some("ab".repeat(32)) };
-    let signed = [(name("left"), own.clone())].into();
-    let params = CellResetParams { robots: Vec::new(), signed };
+    let params = CellResetParams { resets: [(name("left"), own.clone())].into() };
     let ticket = bench.request(CellRequest::Reset(params));
     bench.run(ms(100));
     let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
-    let reset: Vec<_> = answer.reset.iter().map(|(robot, _)| robot.as_str()).collect();
-    assert_eq!(reset, ["left", "torso"]);
-    let [(robot, denial)] = &answer.refused[..] else { panic!("one: {answer:?}") };
-    assert_eq!((robot.as_str(), denial.code), ("right", DenialCode::NotReady));
-    assert!(denial.message.starts_with("right: its reset has to be signed"), "{denial}");
+    assert_eq!(answer.reset.len(), 1, "{answer:?}");
     assert!(bench.asked("left").any(|(_, call)| *call == AgentCall::Reset(Box::new(own.clone()))));
-    // A signature for a robot that is not to be reset is not passed over.
-    let signed = [(name("left"), own)].into();
-    let params = CellResetParams { robots: vec![name("torso")], signed };
-    let ticket = bench.request(CellRequest::Reset(params));
-    bench.run(ms(100));
-    let CellAnswer::Reset(answer) = bench.answer(ticket) else { panic!("a reset") };
-    assert_eq!(answer.refused[0].1.code, DenialCode::InvalidArgument);
+    assert!(bench.agent("right").status.stop.is_some(), "who is not named is not touched");
 }

@@ -67,6 +67,7 @@ impl World {
                         Some((index, link))
                     });
                     if found.is_none() {
+                        known_or_still(name, request)?;
                         problem.without_shape.insert(name.to_string());
                         continue;
                     }
@@ -88,6 +89,7 @@ impl World {
                 }
                 // Nothing is known of it, or not where it is.
                 (Some(_) | None, _) => {
+                    known_or_still(name, request)?;
                     problem.without_shape.insert(name.to_string());
                     continue;
                 }
@@ -105,6 +107,15 @@ impl World {
         }
         Ok(problem)
     }
+}
+
+/// A robot of which nothing is known must not be one that moves.
+fn known_or_still(name: &RobotName, request: &ClearanceRequest) -> Result<(), Denial> {
+    if !request.parts.contains_key(name) {
+        return Ok(());
+    }
+    let message = format!("{name}: its description cannot be used, so its clearance is not known");
+    Err(Denial::new(DenialCode::NotReady, message).with("robot", name.as_str()))
 }
 
 impl ClearanceProblem {

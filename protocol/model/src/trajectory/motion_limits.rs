@@ -148,6 +148,17 @@ impl MotionLimits {
         }
         Ok(slower)
     }
+
+    /// These limits with the `share` of each speed, above 0 and up to 1; what is above counts as 1.
+    #[must_use]
+    pub fn slowed(&self, share: f64) -> Self {
+        debug_assert!(share > 0.0, "{share} of a speed is none");
+        let mut slower = *self;
+        for axis in &mut slower.axes {
+            axis.velocity *= share.min(1.0);
+        }
+        slower
+    }
 }
 
 impl Deref for MotionLimits {

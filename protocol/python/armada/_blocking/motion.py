@@ -44,7 +44,7 @@ class Motion(Generic[S]):
     def set_speed(self, ratio: float) -> float:
         """Changes its speed on its path, 0.01 to 1 of what it was planned for; returns the ratio.
 
-        For one robot that is the speed of all its motions, until it is changed again.
+        It is the speed of all motions of its robots, until it is changed again.
         """
         return run(self._inner.set_speed(ratio))
 

@@ -14,7 +14,7 @@ from armada import keys, methods
 from armada._connection import STOP_TIMEOUT_S, Connection
 from armada._ids import new_id
 from armada._signature import SigningKey, reset_params
-from armada.errors import LeaseLost, NoReply
+from armada.errors import LeaseLost, NoReply, RequestTimeout
 from armada.messages import (
     Accepted,
     CancelParams,
@@ -36,6 +36,7 @@ from armada.messages import (
     MotionParams,
     ResetParams,
     Role,
+    StopLatch,
     StopLevel,
     StopReport,
 )
@@ -230,19 +231,21 @@ class Cell:
 
     async def pause(self, motion_id: UUID) -> None:
         """Brings a motion of several robots to rest at one phase, until it is resumed."""
-        await self.call(methods.CELL_PAUSE, MotionParams(motion_id=motion_id))
+        await self._control(methods.CELL_PAUSE, motion_id, MotionParams(motion_id=motion_id))
 
     async def resume(self, motion_id: UUID) -> None:
         """Goes on with a paused motion of several robots."""
-        await self.call(methods.CELL_RESUME, MotionParams(motion_id=motion_id))
+        await self._control(methods.CELL_RESUME, motion_id, MotionParams(motion_id=motion_id))
 
     async def set_speed_ratio(self, motion_id: UUID, ratio: float) -> float:
         """Changes the speed of a motion of several robots; returns the ratio in force.
 
-        It is the speed over that of the trajectory, 0.01 to 1.
+        It is the speed over that of the trajectory, 0.01 to 1, and holds for all later motions of
+        its robots as well, until it is changed again.
         """
         params = CellSpeedRatioParams(motion_id=motion_id, ratio=ratio)
-        return (await self.call(methods.CELL_SET_SPEED_RATIO, params)).speed_ratio
+        answer = await self._control(methods.CELL_SET_SPEED_RATIO, motion_id, params)
+        return answer.speed_ratio
 
     async def check_clearance(
         self, trajectory: JointTrajectory, *, offset_ms: float = 0.0
@@ -273,6 +276,14 @@ class Cell:
             set_speed=lambda ratio: self.set_speed_ratio(motion_id, ratio),
         )
 
+    async def _control(self, method: methods.Method[P, A], motion_id: UUID, params: P) -> A:
+        """Asks under a lease that is held here of one of the motion's robots, if there is one."""
+        lease = None
+        if self._connection.held:
+            status = await self._bus.value(CellMotionStatus, keys.CELL_MOTION.with_(str(motion_id)))
+            lease = next(iter(self._leases_of(status.parts).values()), None)
+        return await self._bus.call(method, keys.CELL_RPC.with_(method.name), params, lease)
+
     def _leases_of(self, robots: Collection[str]) -> dict[str, UUID]:
         held = [lease for name in robots if (lease := self._connection.held.get(name)) is not None]
         for lease in held:
@@ -302,23 +313,22 @@ class Cell:
         refused, and why, is in the answer.
         """
         key = SigningKey.read(key_file)
-        signed = {} if key is None else await self._signed_resets(robots, key)
-        return await self.call(
-            methods.CELL_RESET, CellResetParams(robots=tuple(robots), signed=signed)
-        )
+        stops = {name: robot.stop for name, robot in (await self.status()).robots.items()}
+        named = robots or [name for name, latch in stops.items() if latch is not None]
+        resets = {name: await self._reset_of(name, stops.get(name), key) for name in named}
+        return await self.call(methods.CELL_RESET, CellResetParams(resets=resets))
 
-    async def _signed_resets(
-        self, robots: Collection[str], key: SigningKey
-    ) -> dict[str, ResetParams]:
-        stopped = robots or [
-            name for name, robot in (await self.status()).robots.items() if robot.stop is not None
-        ]
-        statuses = [await self.robot(name).status() for name in stopped]
-        return {
-            status.robot: reset_params(status, None, key)
-            for status in statuses
-            if status.stop is not None and status.stop.reset.signed
-        }
+    async def _reset_of(
+        self, name: str, latch: StopLatch | None, key: SigningKey | None
+    ) -> ResetParams:
+        if key is None or latch is None or not latch.reset.signed:
+            return reset_params(latch, None)
+        try:
+            boot_id = (await self.robot(name).status()).boot_id
+        except (NoReply, RequestTimeout):
+            # The gateway says that it is not there, and the others are reset.
+            return reset_params(latch, None)
+        return key.signed(name, boot_id, reset_params(latch, None))
 
     def stop_source(
         self, name: str, read: Callable[[], bool], *, key_file: str | Path | None = None

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import replace
 from types import TracebackType
 from typing import TypeVar
 from uuid import UUID
 
+import zenoh
+
 from armada import keys, methods
-from armada._bus import Bus
+from armada._bus import Answer, Bus
 from armada._connection import Connection
 from armada._repeat import Repeater
 from armada.errors import ArmadaError, CodecError, DeniedError, LeaseLost
 from armada.messages import (
     DelegateLeaseParams,
     DenialCode,
+    Event,
+    EventKind,
     LeaseGrant,
     LeaseParams,
     LeaseScope,
@@ -39,6 +44,9 @@ class HeldLease:
     While it is held, what is asked of the robot through this connection is asked under it. When it
     is lost, `on_lost` is called once, from wherever it is renewed, and what is asked then raises
     `LeaseLost`; so does the end of a `with`, unless it ends by another error.
+
+    It listens to what the robot tells of leases: that somebody took it is known after one more
+    round trip, not with the next renewal.
     """
 
     def __init__(
@@ -66,6 +74,7 @@ class HeldLease:
         self._released = False
         self._seq = 0
         self._repeater = Repeater(bus.waiting, self.ttl_s / _RENEWALS, self._renew)
+        self._news = self._listen()
 
     @property
     def is_held(self) -> bool:
@@ -106,6 +115,7 @@ class HeldLease:
         Releasing twice does nothing, and one that was lost before is no error.
         """
         await self._repeater.end()
+        self._stop_listening()
         if self._released:
             return
         self._released = True
@@ -119,6 +129,28 @@ class HeldLease:
             if error.code != DenialCode.LEASE_STALE:
                 raise
             self._lose(str(error))
+
+    def _listen(self) -> zenoh.Subscriber[None] | None:
+        """Has the lease looked at when the robot tells of one; without, it is when renewed."""
+        key = keys.ROBOT_EVENTS.of(self.robot)
+
+        def heard(sample: zenoh.Sample) -> None:
+            with suppress(CodecError):
+                event = Answer.of_sample(sample).read(Event, key, 0.0)
+                if event.kind == EventKind.LEASE:
+                    self._repeater.now()
+
+        try:
+            return self._bus.main.declare_subscriber(key, heard)
+        except zenoh.ZError:
+            return None
+
+    def _stop_listening(self) -> None:
+        news, self._news = self._news, None
+        if news is not None:
+            # If the session is closed it has ended with it.
+            with suppress(zenoh.ZError):
+                news.undeclare()
 
     async def _call(self, method: methods.Method[P, A], params: P) -> A:
         key = keys.ROBOT_RPC.with_(self.robot, method.name)

@@ -51,7 +51,10 @@ class Robot(RobotMoves, RobotStreams, RobotEquipment):
         a stop has come meanwhile, or if something else still keeps the robot stopped.
         """
         key = SigningKey.read(key_file)
-        params = reset_params(await self.status(), stop_ids, key)
+        status = await self.status()
+        params = reset_params(status.stop, stop_ids)
+        if key is not None:
+            params = key.signed(self.name, status.boot_id, params)
         return await self.call(methods.RESET, params)
 
     async def stop(

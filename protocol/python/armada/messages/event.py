@@ -61,7 +61,7 @@ class EventKind(OpenEnum):
     EVENTS_LOST = "events_lost"
     """Events of a robot that the gateway did not get."""
     DENIED = "denied"
-    """A request was refused."""
+    """A request was refused, or commands that nobody can be answered were dropped."""
     MODEL_REJECTED = "model_rejected"
     """A robot's description cannot be used; the robot is left out of the world."""
 

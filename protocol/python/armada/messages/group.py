@@ -48,8 +48,7 @@ class GroupReadiness(Message, frozen=True, kw_only=True):
     """Fastest change of the rate that is legal everywhere on the path [1/s]; 0 if the trajectory
     leaves no room for one."""
     start_travel: float
-    """Furthest that a joint moves before the loss of a partner at the start is noticed
-    [rad or m]."""
+    """Furthest that a joint moves until it rests, if a partner is lost at the start [rad or m]."""
     controller_lag_ms: float
     """How late the controller does what it is sent [ms]."""
     model_rev: int
@@ -144,8 +143,8 @@ class ClearanceAnswer(Message, frozen=True, kw_only=True):
     required_m: float
     """The least distance that the cell demands [m]."""
     distance_m: float | None
-    """Smallest distance that was found, a lower bound of the true one [m]; None if no two
-    robots have shapes."""
+    """Smallest distance that was found [m]: a lower bound of the true one if `clear`, else that of
+    the place where the search ended; None if no two robots have shapes."""
     links: tuple[str, str] | None
     """The two links, named `robot/link`, where it was found."""
     at_s: float | None

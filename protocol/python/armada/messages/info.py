@@ -122,6 +122,9 @@ class RobotInfo(Message, frozen=True, kw_only=True):
     """Names of the bits of `flags`, with their values."""
     period_ms: float
     """Period of the control loop [ms]."""
+    stop_time_s: float = 0.0
+    """Within what time of a stop the robot is measured to stand still [s]; else it is stopped
+    harder, by itself and by whoever asked."""
     state_rate_hz: float
     """How often the state is published [Hz]."""
     state_classes_hz: tuple[int, ...]

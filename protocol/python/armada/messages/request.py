@@ -211,14 +211,12 @@ class CellExecuteTrajectory(Message, frozen=True, kw_only=True, omit_defaults=Tr
     """Revision of each robot's tools and payloads that it was made for; any if left out."""
 
 
-class CellResetParams(Message, frozen=True, kw_only=True, omit_defaults=True):
+class CellResetParams(Message, frozen=True, kw_only=True):
     """Parameters of the cell's `reset`."""
 
-    # Made by a function, so that it is written also where it is the default.
-    robots: tuple[RobotName, ...] = msgspec.field(default_factory=lambda: ())
-    """Which robots; all if empty."""
-    signed: dict[RobotName, ResetParams] = msgspec.field(default_factory=dict)
-    """Signed resets of the robots that ask for a signature; the others are reset by the gateway."""
+    resets: dict[RobotName, ResetParams]
+    """What is to be cleared, by robot, as it was shown to whoever asks; signed where the robot asks
+    for it. A stop that came since is not cleared."""
 
 
 class CellResetAnswer(Message, frozen=True, kw_only=True):

@@ -70,11 +70,15 @@ class StreamStatistics(Message, frozen=True, kw_only=True):
     starved: bool
     """Whether the robot decelerates or stands because samples stay away."""
     jitter_ms: float = 0.0
-    """Variation of the time between samples, over about the last second [ms]."""
+    """Standard deviation of the time between samples, over the last one to two seconds [ms]."""
     loss: float = 0.0
-    """Share of the samples that did not come or came too late, over about the last second."""
-    allowed: float = 0.0
-    """Highest rate that the link allows: 1 as asked, less when it is slowed, 0 when refused."""
+    """Share of the samples that did not come or came too late, over the same time."""
+    state_age_ms: float = 0.0
+    """Mean age of the states that samples were made for, when they came [ms]: the way of the
+    state, what the client takes, and the way of the sample."""
+    allowed: float = 1.0
+    """Share of the robot's limits of speed that the link allows: 1 as asked, less when the stream
+    is slowed, 0 when it is refused."""
 
 
 class FaultCode(OpenEnum):

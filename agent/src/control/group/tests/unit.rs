@@ -3,7 +3,7 @@ use std::time::Duration;
 use armada_protocol::messages::{Coupling, GroupState};
 
 use super::world::{GROUP, LOSS, PERIOD, World, order, perfect};
-use crate::control::{GroupMachine, PartnerFault, Refusal, Say};
+use crate::control::{GroupMachine, GroupWord, PartnerFault, Refusal, Say, Word};
 
 use Coupling::{Independent, Rigid, TimeSynced};
 
@@ -164,10 +164,13 @@ fn robots_that_are_too_far_apart_stop() {
     world.until("the end", &mut perfect, |world| world.robots.iter().all(|r| !r.moves()));
     let faults = [0, 1].map(|robot| fault(&world, robot));
     assert!(faults.iter().any(|f| matches!(f, Some(PartnerFault::Diverged(s)) if *s > 0.05)));
-    let mut world = under_way(Independent, 2);
-    world.robots[0].phase_s -= 0.06;
-    world.until("the end", &mut perfect, |world| world.robots.iter().all(|r| !r.moves()));
-    assert!(world.robots.iter().all(|r| r.state() == GroupState::Done), "each keeps its pace");
+    // Each keeps its pace, and is where it was proved to be clear of the others.
+    for (late_s, state) in [(0.04, GroupState::Done), (0.06, GroupState::Aborting)] {
+        let mut world = under_way(Independent, 2);
+        world.robots[0].phase_s -= late_s;
+        world.until("the end", &mut perfect, |world| world.robots.iter().all(|r| !r.moves()));
+        assert!(world.robots.iter().all(|r| r.state() == state), "{late_s}");
+    }
 }
 
 #[test]
@@ -183,6 +186,21 @@ fn a_rigid_group_ends_on_one_ramp() {
     assert!((high - from_s - 0.27).abs() < 0.005, "{}", high - from_s);
     assert_eq!(world.robots[1].ended.expect("ended").1, Some(Refusal::Cancelled));
     assert_eq!(fault(&world, 0), Some(PartnerFault::Aborted));
+}
+
+#[test]
+fn a_ramp_that_is_said_to_begin_far_away_begins_here() {
+    for said_s in [1e9, -1e9] {
+        let mut world = under_way(Rigid, 2);
+        let (from_s, now) = (world.robots[1].phase_s, world.now);
+        let word = Word::Abort { from_phase_s: Some(said_s) };
+        world.robots[1].machine.hear(&GroupWord { group: GROUP, partner: 0, at: now, word });
+        world.until("the end", &mut perfect, |world| world.robots[1].ended.is_some());
+        let way_s = world.robots[1].phase_s - from_s;
+        // r²/2a on the ramp; 60 ms that the word may be late, a lead of 20, and 50 that robots may
+        // be apart.
+        assert!((0.12..0.33).contains(&way_s), "{way_s}");
+    }
 }
 
 #[test]
@@ -218,14 +236,10 @@ fn an_abort_is_heard_though_two_of_its_three_words_are_lost() {
 fn words_of_another_motion_and_of_nobody_do_not_count() {
     let mut world = World::new(TimeSynced, 2, 1.0);
     let mut machine = world.robots[0].machine.clone();
-    let word = crate::control::GroupWord {
-        group: uuid::Uuid::from_u128(8),
-        partner: 0,
-        at: world.now,
-        word: crate::control::Word::Go,
-    };
+    let word =
+        GroupWord { group: uuid::Uuid::from_u128(8), partner: 0, at: world.now, word: Word::Go };
     machine.hear(&word);
-    machine.hear(&crate::control::GroupWord { group: GROUP, partner: 9, ..word });
+    machine.hear(&GroupWord { group: GROUP, partner: 9, ..word });
     assert_eq!(machine, world.robots[0].machine);
     world.tick(&mut perfect);
 }

@@ -6,15 +6,14 @@ mod show;
 use std::time::Duration;
 
 use armada_protocol::RobotName;
-use armada_protocol::messages::{DelegateLeaseParams, LeaseScope, Role, TakeLeaseParams};
-use armada_protocol::method::robot::{DelegateLease, TakeLease};
+use armada_protocol::client::GroupLeaseKeeper;
+use armada_protocol::messages::{LeaseScope, Role};
 use clap::{Args, Subcommand};
 
-use self::keep::{Kept, acquire_all, millis, until_ended};
+use self::keep::{acquire_all, until_ended};
 use self::show::ShowArgs;
 use crate::cell_address::CellArgs;
 use crate::choice::one_of;
-use crate::clock;
 use crate::exit::{Exit, UsageError};
 use crate::signals::Signals;
 
@@ -127,7 +126,7 @@ pub(crate) async fn run(args: LeaseArgs) -> anyhow::Result<Exit> {
 async fn hold(args: HoldArgs) -> anyhow::Result<Exit> {
     let (client, _) = args.cell.connect().await?;
     let mut signals = Signals::new()?;
-    let kept = acquire_all(&client, args.robots, args.lasting.ttl, args.role).await?;
+    let kept = acquire_all(&client, &args.robots, args.lasting.ttl, args.role).await?;
     until_ended(kept, &args.cell.output(), &mut signals).await
 }
 
@@ -135,11 +134,8 @@ async fn take(args: TakeArgs) -> anyhow::Result<Exit> {
     let (client, _) = args.cell.connect().await?;
     let mut signals = Signals::new()?;
     let TakeArgs { robot, role, reason, lasting, cell } = args;
-    let asked = clock::now();
-    let params = TakeLeaseParams { ttl_ms: millis(lasting.ttl), role, reason };
-    let grant = client.call::<TakeLease>(&robot, params).await?;
-    let kept = Kept::new(&client, &robot, asked, grant);
-    until_ended(vec![kept], &cell.output(), &mut signals).await
+    let keeper = client.take_lease(&robot, lasting.ttl, role, reason).await?;
+    until_ended(GroupLeaseKeeper::of(robot, keeper), &cell.output(), &mut signals).await
 }
 
 async fn delegate(args: DelegateArgs) -> anyhow::Result<Exit> {
@@ -150,11 +146,9 @@ async fn delegate(args: DelegateArgs) -> anyhow::Result<Exit> {
     };
     let (client, _) = cell.connect().await?;
     let mut signals = Signals::new()?;
-    let asked = clock::now();
-    let params = DelegateLeaseParams { lease, to, scope, ttl_ms: millis(lasting.ttl) };
-    let grant = client.call::<DelegateLease>(&robot, params).await?;
-    let kept = Kept::new(&client, &robot, asked, grant);
-    until_ended(vec![kept], &cell.output(), &mut signals).await
+    let grant = client.delegate_lease(&robot, lease, (&to, scope, lasting.ttl)).await?;
+    let keeper = client.keep_lease(&robot, grant.lease).await?;
+    until_ended(GroupLeaseKeeper::of(robot, keeper), &cell.output(), &mut signals).await
 }
 
 #[cfg(test)]

@@ -112,7 +112,11 @@ impl From<QueueName> for Queue {
 
 /// Runs the trajectory.
 pub(crate) async fn run(args: RunArgs) -> anyhow::Result<Exit> {
+    let count = args.leases.len();
     let terms = Terms { coupling: args.coupling, leases: args.leases.into_iter().collect() };
+    if terms.leases.len() < count {
+        return Err(UsageError("--leases names a robot twice".to_owned()).into());
+    }
     let plan = Plan::load(&args.file, args.robot.as_ref())?.at_speed(args.speed).on_terms(terms)?;
     let queue = args.queue.map_or(Queue::Refuse, Queue::from);
     if args.wait.no_wait && args.repeat.get() > 1 {
