@@ -21,7 +21,7 @@ const LEAST_MOTION: f64 = 1e-6;
 #[derive(Debug)]
 pub(in crate::world) struct Body {
     pub(in crate::world) model: Arc<RobotModel>,
-    joints: Vec<JointInfo>,
+    pub(in crate::world) joints: Joints,
     /// Variable of the model for each joint of the robot.
     pub(in crate::world) variables: Vec<usize>,
     /// Names of the links in the world.
@@ -36,6 +36,41 @@ pub(in crate::world) struct Body {
     X_WL: Vec<Pose>,
     /// Poses that were told last.
     told: Vec<Option<Pose>>,
+}
+
+/// The joints of a robot, shared with whoever interpolates its trajectories.
+#[derive(Clone, Debug)]
+pub(in crate::world) struct Joints(Arc<[JointInfo]>);
+
+impl Joints {
+    /// The trajectory as the agent interpolates it, within its limits or those at reduced speed.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(in crate::world) fn compile(
+        &self,
+        trajectory: &JointTrajectory,
+        reduced: bool,
+    ) -> Result<CompiledTrajectory, String> {
+        let limits = |joint: &JointInfo| {
+            if !reduced {
+                return joint.limits;
+            }
+            JointLimits {
+                velocity: joint.limits.velocity.min(joint.reduced.velocity),
+                acceleration: joint.limits.acceleration.map(|a| a.min(joint.reduced.acceleration)),
+                ..joint.limits
+            }
+        };
+        let limits: Vec<_> = self.0.iter().map(limits).collect();
+        let limits = MotionLimits::new(&limits).map_err(|error| error.to_string())?;
+        let names: Vec<_> = self.0.iter().map(|joint| joint.name.as_str()).collect();
+        let types: Vec<JointType> = self.0.iter().map(|joint| joint.joint_type).collect();
+        let context =
+            TrajectoryContext { joint_order: &names, joint_types: Some(&types), limits: &limits };
+        CompiledTrajectory::compile_for(trajectory, &context, &TrajectoryOptions::default())
+            .map_err(|error| error.to_string())
+    }
 }
 
 impl Body {
@@ -62,7 +97,7 @@ impl Body {
         let (X_RL, told) = (vec![Isometry3::identity(); links.len()], vec![None; links.len()]);
         let names = links.iter().map(|link| format!("{}/{}", info.robot, link.name)).collect();
         Ok(Self {
-            joints: info.joints.clone(),
+            joints: Joints(info.joints.clone().into()),
             equipment: equipment(info),
             model: Arc::new(model),
             variables,
@@ -72,35 +107,6 @@ impl Body {
             X_WL: Vec::new(),
             told,
         })
-    }
-
-    /// The trajectory as the agent interpolates it, within its limits or those at reduced speed.
-    ///
-    /// # Errors
-    /// What is wrong with it.
-    pub(in crate::world) fn compile(
-        &self,
-        trajectory: &JointTrajectory,
-        reduced: bool,
-    ) -> Result<CompiledTrajectory, String> {
-        let limits = |joint: &JointInfo| {
-            if !reduced {
-                return joint.limits;
-            }
-            JointLimits {
-                velocity: joint.limits.velocity.min(joint.reduced.velocity),
-                acceleration: joint.limits.acceleration.map(|a| a.min(joint.reduced.acceleration)),
-                ..joint.limits
-            }
-        };
-        let limits: Vec<_> = self.joints.iter().map(limits).collect();
-        let limits = MotionLimits::new(&limits).map_err(|error| error.to_string())?;
-        let names: Vec<_> = self.joints.iter().map(|joint| joint.name.as_str()).collect();
-        let types: Vec<JointType> = self.joints.iter().map(|joint| joint.joint_type).collect();
-        let context =
-            TrajectoryContext { joint_order: &names, joint_types: Some(&types), limits: &limits };
-        CompiledTrajectory::compile_for(trajectory, &context, &TrajectoryOptions::default())
-            .map_err(|error| error.to_string())
     }
 
     /// What of the robot has no shape that could be checked, named `robot/link`: links of which

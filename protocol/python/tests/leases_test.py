@@ -174,6 +174,23 @@ def test_a_move_is_coupled_as_asked(
     assert (sent["coupling"], sent["on_lease_loss"]) == ("independent", "finish")
 
 
+def test_what_changes_a_motion_shows_a_lease_that_is_held_of_one_of_its_robots(
+    cell: armada.Cell, gateway: Gateway, left: Agent
+) -> None:
+    assert left.name == "left_arm"
+    gateway.motions.ends_as = None
+    motion = cell.execute_trajectory(trajectory())
+    motion.pause()
+    with cell.robot("left_arm").lease(ttl_s=5.0):
+        motion.resume()
+        assert motion.set_speed(0.5) == 0.5
+    [without] = gateway.of_method("pause")
+    [under] = gateway.of_method("resume")
+    assert "lease" not in without
+    assert under["lease"] == LEASE
+    assert gateway.of_method("set_speed_ratio")[0]["lease"] == LEASE
+
+
 def test_a_motion_of_several_is_paused_slowed_and_resumed(
     cell: armada.Cell, gateway: Gateway
 ) -> None:

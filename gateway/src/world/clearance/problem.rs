@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use armada_model::{CompiledTrajectory, Pose, RobotModel};
+use armada_model::{CompiledTrajectory, JointTrajectory, Pose, RobotModel};
 use armada_protocol::RobotName;
 use armada_protocol::messages::{ClearanceAnswer, Denial, DenialCode};
 
@@ -11,16 +11,44 @@ use super::prove::{Near, Outcome, Prover};
 use super::scene::PairScene;
 use super::{ClearanceReport, ClearanceRequest};
 use crate::world::World;
-use crate::world::body::Body;
+use crate::world::body::{Body, Joints};
 
 /// A motion whose clearances can be checked without the world, on another thread.
 #[derive(Debug)]
 pub struct ClearanceProblem {
     /// Each after the one it stands on.
-    pub(super) solids: Vec<Solid>,
+    drafts: Vec<Draft>,
     offset_s: f64,
     required_m: f64,
     without_shape: BTreeSet<String>,
+}
+
+/// A robot and what it is asked to do.
+#[derive(Debug)]
+struct Draft {
+    name: RobotName,
+    model: Arc<RobotModel>,
+    carrier: Option<(usize, usize)>,
+    pose: Pose,
+    variables: Vec<usize>,
+    way: Way,
+}
+
+/// What a robot is asked to do.
+#[derive(Debug)]
+enum Way {
+    /// To follow a trajectory within the limits of these joints, or within the reduced ones.
+    Follow { trajectory: JointTrajectory, joints: Joints, reduced: bool },
+    /// To stay at these positions of the model's variables \[rad or m\].
+    Stand(Vec<f64>),
+}
+
+/// The robots, with trajectories that were interpolated.
+#[derive(Debug)]
+pub(super) struct Solids {
+    /// Each after the one it stands on.
+    pub(super) solids: Vec<Solid>,
+    required_m: f64,
 }
 
 /// A robot and what it does.
@@ -46,13 +74,13 @@ pub(super) enum Course {
 }
 
 impl World {
-    /// The problem of a motion; quick, but for the interpolation of the trajectories.
+    /// The problem of a motion; quick, whatever its length.
     ///
     /// # Errors
-    /// A denial that names the robot if its trajectory cannot be followed within its limits.
+    /// A denial that names a robot that is to move and of which nothing is known.
     pub fn clearance(&self, request: &ClearanceRequest) -> Result<ClearanceProblem, Denial> {
         let mut problem = ClearanceProblem {
-            solids: Vec::new(),
+            drafts: Vec::new(),
             offset_s: request.offset_s,
             required_m: request.required_m,
             without_shape: BTreeSet::new(),
@@ -61,9 +89,9 @@ impl World {
             let carrier = match placed.parent() {
                 None => None,
                 Some((robot, link)) => {
-                    let found = problem.solids.iter().position(|s| s.name.as_str() == robot);
+                    let found = problem.drafts.iter().position(|s| s.name.as_str() == robot);
                     let found = found.and_then(|index| {
-                        let link = problem.solids.get(index)?.model.link_index(link)?;
+                        let link = problem.drafts.get(index)?.model.link_index(link)?;
                         Some((index, link))
                     });
                     if found.is_none() {
@@ -74,18 +102,14 @@ impl World {
                     found
                 }
             };
-            let course = match (&placed.body, request.parts.get(name)) {
-                (Some(body), Some(part)) => {
-                    let reduced = request.reduced.contains(name);
-                    let compiled = body.compile(part, reduced).map_err(|cause| {
-                        let message = format!("{name}: {cause}");
-                        Denial::new(DenialCode::InvalidArgument, message)
-                            .with("robot", name.as_str())
-                    })?;
-                    Course::Follows(Box::new(compiled))
-                }
+            let way = match (&placed.body, request.parts.get(name)) {
+                (Some(body), Some(part)) => Way::Follow {
+                    trajectory: part.clone(),
+                    joints: body.joints.clone(),
+                    reduced: request.reduced.contains(name),
+                },
                 (Some(Body { positions: Some(positions), .. }), None) => {
-                    Course::Stands(positions.clone())
+                    Way::Stand(positions.clone())
                 }
                 // Nothing is known of it, or not where it is.
                 (Some(_) | None, _) => {
@@ -96,13 +120,13 @@ impl World {
             };
             let Some(body) = &placed.body else { continue };
             problem.without_shape.extend(body.without_shape());
-            problem.solids.push(Solid {
+            problem.drafts.push(Draft {
                 name: name.clone(),
                 model: Arc::clone(&body.model),
                 carrier,
                 pose: placed.mount.pose,
                 variables: body.variables.clone(),
-                course,
+                way,
             });
         }
         Ok(problem)
@@ -119,11 +143,42 @@ fn known_or_still(name: &RobotName, request: &ClearanceRequest) -> Result<(), De
 }
 
 impl ClearanceProblem {
-    /// Looks at every two robots of which at least one moves. This takes up to some seconds.
+    /// Interpolates the trajectories and looks at every two robots of which at least one moves. This
+    /// takes up to some seconds.
     ///
     /// # Errors
-    /// A denial if shapes or speeds make a statement impossible.
-    pub fn solve(&self) -> Result<ClearanceReport, Denial> {
+    /// A denial that names the robot if its trajectory cannot be followed within its limits, or if
+    /// shapes or speeds make a statement impossible.
+    pub fn solve(self) -> Result<ClearanceReport, Denial> {
+        let Self { drafts, offset_s, required_m, without_shape } = self;
+        let solids = drafts.into_iter().map(Draft::solid).collect::<Result<_, _>>()?;
+        Solids { solids, required_m }.solve(offset_s, without_shape)
+    }
+}
+
+impl Draft {
+    fn solid(self) -> Result<Solid, Denial> {
+        let Self { name, model, carrier, pose, variables, way } = self;
+        let course = match way {
+            Way::Stand(positions) => Course::Stands(positions),
+            Way::Follow { trajectory, joints, reduced } => {
+                let compiled = joints.compile(&trajectory, reduced).map_err(|cause| {
+                    let message = format!("{name}: {cause}");
+                    Denial::new(DenialCode::InvalidArgument, message).with("robot", name.as_str())
+                })?;
+                Course::Follows(Box::new(compiled))
+            }
+        };
+        Ok(Solid { name, model, carrier, pose, variables, course })
+    }
+}
+
+impl Solids {
+    fn solve(
+        &self,
+        offset_s: f64,
+        without_shape: BTreeSet<String>,
+    ) -> Result<ClearanceReport, Denial> {
         let mut prover = Prover::new(self.required_m);
         let mut lowest: Option<f64> = None;
         let mut nearest: Option<Near> = None;
@@ -131,7 +186,7 @@ impl ClearanceProblem {
         for second in 0..self.solids.len() {
             for first in 0..second {
                 let Some(scene) = PairScene::new(self, first, second)? else { continue };
-                let outcome = prover.prove(&scene, self.offset_s)?;
+                let outcome = prover.prove(&scene, offset_s)?;
                 let bound = outcome.lower_bound(self.required_m);
                 lowest = Some(lowest.map_or(bound, |lowest| lowest.min(bound)));
                 if refusal.is_none() {
@@ -150,7 +205,7 @@ impl ClearanceProblem {
             distance_m: lowest.filter(|distance| distance.is_finite()),
             links: nearest.as_ref().map(|near| near.links.clone()),
             at_s: nearest.as_ref().map(|near| near.at_s),
-            without_shape: self.without_shape.iter().cloned().collect(),
+            without_shape: without_shape.into_iter().collect(),
         };
         Ok(ClearanceReport { answer, refusal, states: prover.states() })
     }

@@ -6,7 +6,7 @@ use armada_model::{
 };
 use armada_protocol::messages::{Denial, DenialCode};
 
-use super::problem::{ClearanceProblem, Course, Solid};
+use super::problem::{Course, Solid, Solids};
 
 /// A peak of speed may be exceeded by so much between two samples: rounding.
 const ROUNDING: f64 = 1.0 + 1e-9;
@@ -37,7 +37,7 @@ pub(super) struct Phases {
 impl<'p> PairScene<'p> {
     /// `None` if nothing moves, or one of the two has no shape.
     pub(super) fn new(
-        problem: &'p ClearanceProblem,
+        problem: &'p Solids,
         first: usize,
         second: usize,
     ) -> Result<Option<Self>, Denial> {
@@ -193,13 +193,13 @@ impl<'p> PairScene<'p> {
 }
 
 /// The robot and everything that carries it.
-fn chain(problem: &ClearanceProblem, robot: usize) -> Vec<usize> {
+fn chain(problem: &Solids, robot: usize) -> Vec<usize> {
     let carrier = |at: &usize| Some(problem.solids.get(*at)?.carrier?.0);
     std::iter::successors(Some(robot), carrier).collect()
 }
 
 fn build(
-    problem: &ClearanceProblem,
+    problem: &Solids,
     members: &[usize],
     (a, b): (usize, usize),
 ) -> Result<CollisionScene, ClearanceError> {

@@ -200,7 +200,11 @@ fn what_a_robot_carries_moves_with_it_and_may_touch_it() {
 #[test]
 fn a_trajectory_beyond_the_limits_is_refused_by_name() {
     let actors = crossing();
-    let denial = world(&actors).clearance(&request(&actors, 0.1, 0.0)).expect_err("too fast");
+    let denial = world(&actors)
+        .clearance(&request(&actors, 0.1, 0.0))
+        .expect("known")
+        .solve()
+        .expect_err("too fast");
     assert_eq!(denial.code, DenialCode::InvalidArgument);
     assert!(denial.message.starts_with("a: "), "{denial}");
 }
@@ -215,7 +219,7 @@ fn grid_minimum(actors: &[Actor], duration_s: f64, offset_s: f64) -> f64 {
         let mount = Mount::World(actor.X_PR);
         ids.push(builder.add_robot(actor.name, &model, mount, &mut |_| None).expect("valid"));
         let body = crate::world::body::Body::new(&info(actor)).expect("valid");
-        courses.push(body.compile(&trajectory(actor, duration_s), false).expect("legal"));
+        courses.push(body.joints.compile(&trajectory(actor, duration_s), false).expect("legal"));
     }
     let scene = builder.build();
     let mut workspace = scene.workspace();
