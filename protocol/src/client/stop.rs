@@ -104,7 +104,7 @@ impl Client {
             harder.seq += 1;
             let published = self.publish_stop(&harder).await;
             let asked = self.ask_to_stop(&keys::ROBOT_STOP.any(), &harder, REPEAT).await;
-            if let Some(error) = published.err().or(asked.err()) {
+            if let Some(error) = published.err().or_else(|| asked.err()) {
                 // Whoever asked has the report all the same, which says INCOMPLETE.
                 warn!(%error, "the harder stop is not sent");
             }

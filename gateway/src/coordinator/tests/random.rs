@@ -63,6 +63,14 @@ fn fate() -> impl Strategy<Value = Fate> {
     ]
 }
 
+/// A reset of all that is latched.
+fn shown(bench: &Bench) -> CellResetParams {
+    let stopped = bench.agents.iter().filter_map(|(robot, agent)| {
+        Some((robot.clone(), agent.status.stop.as_ref()?.reset_params()))
+    });
+    CellResetParams { resets: stopped.collect() }
+}
+
 /// Plays the script; returns the bench with the tickets, all quiet at its end.
 fn play(script: Vec<(Op, u64)>, fates: Vec<Fate>) -> (Bench, Vec<Ticket>) {
     let mut bench = Bench::new();
@@ -107,12 +115,8 @@ fn play(script: Vec<(Op, u64)>, fates: Vec<Fate>) -> (Bench, Vec<Ticket>) {
                 bench.feed(Input::CellStop(request));
             }
             Op::Reset => {
-                let stopped = bench.agents.iter().filter_map(|(robot, agent)| {
-                    let latch = agent.status.stop.as_ref()?;
-                    Some((robot.clone(), latch.reset_params()))
-                });
-                let params = CellResetParams { resets: stopped.collect() };
-                tickets.push(bench.request(CellRequest::Reset(params)));
+                let request = CellRequest::Reset(shown(&bench));
+                tickets.push(bench.request(request));
             }
             Op::Die(robot) => bench.vanish(robot),
             Op::Restart(robot) => bench.appear(robot, next),

@@ -223,7 +223,7 @@ impl Robot {
         }
         (self.over, self.rate) = (true, 0.0);
         self.failed = why.is_some();
-        self.left_at = self.left_at.or(why.map(|_| tick));
+        self.left_at = self.left_at.or_else(|| why.map(|_| tick));
         self.machine.end(now, why);
     }
 
