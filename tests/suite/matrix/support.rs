@@ -23,7 +23,7 @@ pub(crate) const LOSS: Duration = Duration::from_millis(60);
 /// between stamps of control loops, which are scheduled before everything else.
 pub(crate) const RESERVE: Duration = Duration::from_millis(60);
 /// Longest ramp to rest in these rows.
-const RAMP: Duration = Duration::from_millis(150);
+pub(crate) const RAMP: Duration = Duration::from_millis(150);
 /// How long anything may take to be seen on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// States that are seen are not farther apart, unless the link is cut.

@@ -245,7 +245,7 @@ impl GroupMachine {
             return self.stop(fault, None);
         }
         self.announce(time_s);
-        if now + self.own.period / 2 < self.start {
+        if now < self.start {
             return Decision::Hold;
         }
         if let Some(fault) = self.missing(now, time_s) {

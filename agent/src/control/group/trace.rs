@@ -18,15 +18,24 @@ pub(super) struct Trace {
 impl Trace {
     /// Takes the phase \[s\] at a time \[s\], not before the last one.
     pub(super) fn note(&mut self, time_s: f64, phase_s: f64) {
+        let stood = self.entries.last().is_some_and(|last| last.1 == self.now.1);
+        if stood && phase_s != self.now.1 {
+            // Where it began to go: between entries it is taken to go evenly.
+            self.push(self.now);
+        }
         let due = self.entries.last().is_none_or(|(last_s, _)| time_s - last_s >= SPACING_S);
         if due {
-            if self.entries.is_full() {
-                self.entries.remove(0);
-            }
-            // There is room.
-            self.entries.push((time_s, phase_s));
+            self.push((time_s, phase_s));
         }
         self.now = (time_s, phase_s);
+    }
+
+    fn push(&mut self, entry: (f64, f64)) {
+        if self.entries.is_full() {
+            self.entries.remove(0);
+        }
+        // There is room.
+        self.entries.push(entry);
     }
 
     /// The phase at `time_s`; none if that is further back than it reaches. Later than now it goes on

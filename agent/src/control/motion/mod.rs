@@ -247,7 +247,11 @@ impl Motion {
                 ActionStatus::Queued
             }
             Next::Moving(_) | Next::Last(_) | Next::Over(_) if self.started.is_none() => {
-                self.started = Some(tick.now);
+                let head_start = match &self.source {
+                    Source::Trajectory(trajectory) => trajectory.head_start(),
+                    _ => std::time::Duration::ZERO,
+                };
+                self.started = Some(tick.now - head_start);
                 if self.is_paused() {
                     return;
                 }

@@ -18,7 +18,10 @@
 //! faster than its reduced limits, taken from the exact highest speeds and accelerations of the
 //! whole trajectory: the lower of that and the speed ratio counts.
 //!
-//! A start at an instant is at the tick nearest to it. If the position held is not exactly the
+//! A start at an instant is at the tick nearest to it. One with partners is at the first tick from it on,
+//! at the phase that has passed by then: so robots whose ticks fall at different times are at one
+//! phase all the same. No set-point is farther from the first waypoint for that, nor faster, than
+//! that of the second tick would be. If the position held is not exactly the
 //! first waypoint, since it was taken from a measurement, a slow move there comes before. It is
 //! planned when the order is taken and begun early enough that clock zero falls on the instant:
 //! robots that start together do so, whatever small distance each had to go. If there is no
@@ -64,6 +67,8 @@ pub(in crate::control) struct TrajectoryMotion {
     coupling: Option<Coupling>,
     /// How late it may start.
     patience: Duration,
+    /// Phase at which it began \[s\]: time that had passed since its instant, below a period.
+    head_s: f64,
     hint: usize,
     waypoint: usize,
     /// Places at which a way into the next trajectory was looked for.
@@ -120,6 +125,7 @@ impl TrajectoryMotion {
             held: false,
             coupling: None,
             patience: Duration::ZERO,
+            head_s: 0.0,
             hint: 0,
             waypoint: 0,
             attempts: 0,
@@ -186,9 +192,14 @@ impl TrajectoryMotion {
     pub(in crate::control) fn phase_s(&self, period_s: f64) -> f64 {
         match &self.pace {
             Pace::Before => 0.0,
-            Pace::Ticks(clock) => *clock as f64 * period_s,
+            Pace::Ticks(clock) => self.clock_s(*clock, period_s),
             Pace::Path(path) => path.phase_s(),
         }
+    }
+
+    /// How long before its first set-point its clock was zero.
+    pub(super) fn head_start(&self) -> Duration {
+        Duration::try_from_secs_f64(self.head_s).unwrap_or_default()
     }
 
     pub(super) fn elapsed_s(&self, period_s: f64) -> f64 {
@@ -271,7 +282,7 @@ impl TrajectoryMotion {
         match &mut self.pace {
             Pace::Before => match self.before_start(tick, held, limits) {
                 Some(next) => next,
-                None => self.begin(limits),
+                None => self.begin(tick, limits),
             },
             Pace::Ticks(clock) => {
                 *clock += 1;
@@ -286,11 +297,12 @@ impl TrajectoryMotion {
         }
     }
 
-    /// Clock zero.
-    fn begin(&mut self, limits: &MotionLimits) -> Next {
+    /// Clock zero, or a little after it.
+    fn begin(&mut self, tick: &Tick<'_>, limits: &MotionLimits) -> Next {
         if self.rate_asked() == 1.0 {
             self.pace = Pace::Ticks(0);
-            return self.sampled(0, 1.0);
+            self.head_s = self.passed_s(tick);
+            return self.sampled(0, tick.params.period.as_secs_f64());
         }
         // Never refused: the trajectory has as many joints as the robot.
         let Ok(path) = OnPath::start(&self.course, limits) else {
@@ -302,12 +314,25 @@ impl TrajectoryMotion {
         Next::Moving(start.motion_state())
     }
 
+    /// How much of the path has passed at the first tick, if partners begin at the same instant \[s\].
+    fn passed_s(&self, tick: &Tick<'_>) -> f64 {
+        let Some(start) = self.start.filter(|_| self.has_partners()) else { return 0.0 };
+        // Of one that begins late the others are ahead, and wait.
+        let passed = tick.now.saturating_since(start).min(tick.params.period);
+        passed.as_secs_f64().min(0.5 * self.duration_s())
+    }
+
+    fn clock_s(&self, clock: u64, period_s: f64) -> f64 {
+        self.head_s + clock as f64 * period_s
+    }
+
     fn sampled(&mut self, clock: u64, period_s: f64) -> Next {
+        let clock_s = self.clock_s(clock, period_s);
         let trajectory = &self.course.leg.trajectory;
-        let last = whole_ticks(trajectory.duration_s(), period_s);
+        let last = whole_ticks(trajectory.duration_s() - self.head_s, period_s);
         // Exactly the end, not where rounding of the clock has it.
         let ended = clock > 0 && clock >= last;
-        let time_s = if ended { trajectory.duration_s() } else { clock as f64 * period_s };
+        let time_s = if ended { trajectory.duration_s() } else { clock_s };
         let sample = trajectory.sample(time_s, &mut self.hint);
         self.waypoint = sample.waypoint;
         let state = MotionState { position: sample.position, velocity: sample.velocity };
@@ -333,7 +358,7 @@ impl TrajectoryMotion {
     /// The path, which it is put on if it was not yet; none before clock zero.
     fn path(&mut self, limits: &MotionLimits, period_s: f64) -> Option<&mut OnPath> {
         if let Pace::Ticks(clock) = self.pace {
-            let at_s = clock as f64 * period_s;
+            let at_s = self.clock_s(clock, period_s);
             self.pace = Pace::Path(OnPath::join(&self.course, limits, at_s).ok()?);
         }
         match &mut self.pace {

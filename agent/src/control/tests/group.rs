@@ -153,6 +153,29 @@ fn fault(report: &MotionReport) -> Option<PartnerFault> {
 }
 
 #[test]
+fn loops_whose_ticks_fall_at_different_times_are_at_one_phase() {
+    for shift_us in [1, 400, 1300, 2000, 2500, 3999] {
+        for coupling in [Independent, TimeSynced, Rigid] {
+            let mut pair = Pair::committed_after(coupling, |index, rig| {
+                let shift = Duration::from_micros(if index == 1 { shift_us } else { 0 });
+                rig.now = rig.now + shift;
+            });
+            let ends = pair.end();
+            let [first, second] = ends.map(|end| end.started.expect("it began"));
+            let apart = first.saturating_since(second) + second.saturating_since(first);
+            assert!(apart <= Duration::from_nanos(2), "{shift_us}: {apart:?}");
+            for (rig, end) in pair.rigs.iter().zip(&ends) {
+                assert_eq!((sent(rig), end.status), (joints(END), Complete));
+                let quality = end.group.expect("it has partners");
+                assert!(quality.max_divergence_ms < 1e-3, "{shift_us}: {quality:?}");
+                let limited = rig.last.as_ref().expect("a tick").snapshot.limited_setpoints;
+                assert_eq!(limited, 0, "{shift_us}");
+            }
+        }
+    }
+}
+
+#[test]
 fn two_loops_start_at_one_tick_and_end_at_their_exact_ends() {
     for coupling in [Independent, TimeSynced, Rigid] {
         let mut pair = Pair::committed(coupling);

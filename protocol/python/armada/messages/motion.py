@@ -117,7 +117,8 @@ class MotionStatus(Message, frozen=True, kw_only=True, omit_defaults=True):
     epoch: int
     """Epoch it belongs to."""
     started_ns: MonoTime | None
-    """When the first set-point was sent, agent's monotonic clock [ns]; None before."""
+    """When its clock was zero, agent's monotonic clock [ns]: when the first set-point was sent, or
+    up to a period before that if it began with others; None before."""
     elapsed_s: float
     """Time along its own clock [s]."""
     duration_s: float

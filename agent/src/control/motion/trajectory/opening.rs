@@ -105,10 +105,12 @@ impl TrajectoryMotion {
             }
         }
         let under_way = self.is_under_way();
+        // With partners from the instant on, else at the nearest tick.
+        let early = if self.has_partners() { Duration::ZERO } else { period / 2 };
         let Opening::Planned(lead_in) = &mut self.opening else { return None };
         if !under_way {
             let lead = lead_in.as_ref().map_or(Duration::ZERO, |lead_in| lead_in.lead(period));
-            if self.start.is_some_and(|start| now + lead + period / 2 < start) {
+            if self.start.is_some_and(|start| now + lead + early < start) {
                 return Some(Next::Waiting);
             }
         }
