@@ -376,4 +376,21 @@ mod tests {
         assert_eq!(check(Some(true)), Err(DenialCode::NotReady));
         assert_eq!(check(Some(false)), Ok(()));
     }
+
+    #[test]
+    fn a_robot_that_was_not_measured_to_stand_is_not_reset() {
+        for (reached, granted) in [
+            (None, false),
+            (Some(StopStage::Commanded), false),
+            (Some(StopStage::Standstill), true),
+        ] {
+            let mut board = board();
+            board.stages = reached.map(|stage| (stage, at(12))).into_iter().collect();
+            record(&mut board, 1, StopLevel::L1);
+            let params = board.latch(at(20)).expect("latched").reset_params();
+            let record = board.stop.take().expect("latched");
+            let checked = board.check_reset(&record, &params, at(20));
+            assert_eq!(checked.is_ok(), granted, "{reached:?}: {checked:?}");
+        }
+    }
 }

@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use crate::common::{Bench, DEADLINE, denial, emulate, stop_options};
 use armada_agent::runtime::{Agent, AgentError};
-use armada_model::{JointTrajectory, JointUnit, JointVector, Waypoint};
+use armada_model::{JointTrajectory, JointUnit, JointVector, Pose, Waypoint};
 use armada_protocol::messages::*;
 use armada_protocol::method::robot::{
-    Abort, Cancel, Commit, ExecuteTrajectory, Halt, JogFreespace, Prepare, Reset, ResetErrors,
-    SetMode,
+    Abort, AttachTool, Cancel, Commit, ExecuteTrajectory, Halt, JogFreespace, Prepare, Reset,
+    ResetErrors, SetMode,
 };
 use uuid::Uuid;
 
@@ -253,6 +253,36 @@ async fn a_prepared_motion_starts_at_its_instant_and_dies_with_its_epoch() {
     let gone = CancelParams { motion_id: prepared.motion_id };
     let refused = denial(client.call::<Abort>(robot, gone).await);
     assert_eq!(refused.code, DenialCode::NotAttached);
+    bench.shut_down().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_motion_that_was_prepared_with_another_tool_is_not_committed() {
+    let bench = Bench::start().await;
+    let (client, robot) = (&bench.client, &bench.robot);
+    set_mode(&bench, CommandMode::Trajectory).await;
+    let turned = prepare(turn(0.0, 0.1, 0.5));
+    let prepared = client.call::<Prepare>(robot, turned).await.expect("prepared");
+    let tool = ToolInfo {
+        name: "gripper".to_owned(),
+        uuid: None,
+        tool_type: ToolType::ElectricGripper,
+        tcp: Pose::default(),
+        inertia: Inertia { mass_kg: 0.9, ..Inertia::default() },
+        description: String::new(),
+    };
+    let attach = AttachToolParams { chain: None, tool: Some(tool), name: None };
+    let held = client.call::<AttachTool>(robot, attach).await.expect("it stands");
+    let clock = client.robot_clock(robot).await.expect("clock");
+    let commit = CommitParams {
+        motion_id: prepared.motion_id,
+        boot_id: clock.boot_id,
+        start_ns: clock.stamp_ns + Duration::from_millis(200),
+        rate_slope_s: None,
+    };
+    let refused = denial(client.call::<Commit>(robot, commit).await);
+    assert_eq!(refused.code, DenialCode::StaleModel, "{refused}");
+    assert_eq!(refused.details["limit"], held.model_rev, "{refused}");
     bench.shut_down().await;
 }
 

@@ -149,8 +149,8 @@ impl Outbox {
             let message = format!("{MAX_CHECKS} clearances are being checked, try again");
             return Err(Denial::new(DenialCode::Busy, message));
         }
-        let of_client = |reason: &&CheckFor| matches!(reason, CheckFor::Client(..));
-        if of_client(&&reason) && self.checks.values().any(|reason| of_client(&reason)) {
+        let is_of_client = |reason: &CheckFor| matches!(reason, CheckFor::Client(..));
+        if is_of_client(&reason) && self.checks.values().any(is_of_client) {
             // A place is left for motions, which hold their robots while they wait.
             let message = "the clearance of another request is being checked, try again";
             return Err(Denial::new(DenialCode::Busy, message));

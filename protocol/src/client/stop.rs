@@ -17,10 +17,10 @@ use crate::qos::Channel;
 const REPEAT: Duration = Duration::from_millis(10);
 /// How long it is repeated that often; who has not answered by then is hardly there.
 const EAGER: Duration = Duration::from_secs(1);
-/// How often those that are not known to stand are asked to stop harder.
-const HARDER: u32 = 5;
 /// Pause between repetitions after that.
 const LATE_REPEAT: Duration = Duration::from_millis(100);
+/// How often those that are not known to stand are asked to stop harder.
+const HARDER: u32 = 5;
 
 /// Who must stand still, and by when.
 #[derive(Clone, Debug)]

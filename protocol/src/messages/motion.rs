@@ -112,8 +112,7 @@ pub struct MotionStatus {
     pub client: String,
     /// Epoch it belongs to.
     pub epoch: u64,
-    /// When its clock was zero, agent's monotonic clock \[ns\]: when the first set-point was sent, or up
-    /// to a period before that if it began with others; null before.
+    /// When the first set-point was sent, agent's monotonic clock \[ns\]; null before.
     pub started_ns: Option<MonoTime>,
     /// Time along its own clock \[s\].
     pub elapsed_s: f64,

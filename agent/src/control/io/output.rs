@@ -303,7 +303,7 @@ pub struct MotionReport {
     pub status: ActionStatus,
     /// Why it ended early.
     pub reason: Option<Refusal>,
-    /// When its clock was zero: the time of its first set-point, or up to a period before.
+    /// Time of its first set-point.
     pub started: Option<MonoTime>,
     /// Progress.
     pub progress: MotionProgress,

@@ -247,11 +247,7 @@ impl Motion {
                 ActionStatus::Queued
             }
             Next::Moving(_) | Next::Last(_) | Next::Over(_) if self.started.is_none() => {
-                let head_start = match &self.source {
-                    Source::Trajectory(trajectory) => trajectory.head_start(),
-                    _ => std::time::Duration::ZERO,
-                };
-                self.started = Some(tick.now - head_start);
+                self.started = Some(tick.now);
                 if self.is_paused() {
                     return;
                 }

@@ -20,7 +20,7 @@
 //!
 //! A start at an instant is at the tick nearest to it. One with partners is at the first tick from it on,
 //! at the phase that has passed by then: so robots whose ticks fall at different times are at one
-//! phase all the same. No set-point is farther from the first waypoint for that, nor faster, than
+//! phase all the same, if they begin at full speed. No set-point is farther from the first waypoint for that, nor faster, than
 //! that of the second tick would be. If the position held is not exactly the
 //! first waypoint, since it was taken from a measurement, a slow move there comes before. It is
 //! planned when the order is taken and begun early enough that clock zero falls on the instant:
@@ -195,11 +195,6 @@ impl TrajectoryMotion {
             Pace::Ticks(clock) => self.clock_s(*clock, period_s),
             Pace::Path(path) => path.phase_s(),
         }
-    }
-
-    /// How long before its first set-point its clock was zero.
-    pub(super) fn head_start(&self) -> Duration {
-        Duration::try_from_secs_f64(self.head_s).unwrap_or_default()
     }
 
     pub(super) fn elapsed_s(&self, period_s: f64) -> f64 {

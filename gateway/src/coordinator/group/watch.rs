@@ -101,10 +101,13 @@ impl Group {
         match self.silence_time(cx.timers) {
             Some(at) if at <= cx.now => {}
             Some(_) => return self.poll(cx),
-            // What is left of it is out of sight, and may never come back.
             None => {
-                let mut lost = self.parts.iter().filter(|(_, part)| part.is_open() && part.is_lost);
-                let Some((robot, _)) = lost.next() else { return };
+                let mut open = self.parts.iter().filter(|(_, part)| part.is_open());
+                let Some((robot, _)) = open.clone().next().filter(|_| open.all(|(_, p)| p.is_lost))
+                else {
+                    return self.poll(cx);
+                };
+                // All that is left of it is out of sight, and may never come back.
                 let denial = plan::of(robot, DenialCode::CommunicationLost, "its agent is gone");
                 return self.fail(denial, cx);
             }

@@ -215,6 +215,23 @@ fn a_terminal_status_that_was_lost_is_asked_for() {
 }
 
 #[test]
+fn a_motion_ends_though_one_whose_end_nobody_heard_never_comes_back() {
+    let mut bench = Bench::new();
+    bench.execute(1, &["left", "right"]);
+    bench.run(ms(2_000));
+    // Its own clock runs a little ahead of the other's.
+    let now = bench.now;
+    bench.agent("right").end(Uuid::from_u128(1), ActionStatus::Complete, None, now);
+    bench.run(ms(5));
+    bench.vanish("left");
+    bench.run(ms(2_000));
+    let last = bench.last_motion(1);
+    assert_eq!(last.status, ActionStatus::Failed, "{last:?}");
+    assert_eq!(last.reason.as_ref().expect("a reason").code, DenialCode::CommunicationLost);
+    assert_eq!(last.parts[&name("right")].status, ActionStatus::Complete);
+}
+
+#[test]
 fn a_cancel_is_answered_when_every_ramp_has_begun() {
     let mut bench = Bench::new();
     bench.execute(1, &["left", "right"]);

@@ -1,13 +1,13 @@
 //! Motions of robots that watch each other.
 
 use armada_protocol::messages::{
-    ActionStatus, CellExecuteTrajectory, Coupling, Denial, DenialCode, EventKind, GroupQuality,
-    LeaseLoss, MotionStatus, PrepareParams, Severity,
+    ActionStatus, CellExecuteTrajectory, CheckClearanceParams, Coupling, Denial, DenialCode,
+    EventKind, GroupQuality, LeaseLoss, MotionStatus, PrepareParams, Severity,
 };
 use uuid::Uuid;
 
 use super::bench::{Bench, Fate, clear, ms, name, trajectory};
-use crate::coordinator::{Action, AgentCall, CellAnswer, Input, Ticket};
+use crate::coordinator::{Action, AgentCall, CellAnswer, CellRequest, Input, Ticket};
 
 fn coupled(robots: &[&str], coupling: Coupling) -> CellExecuteTrajectory {
     CellExecuteTrajectory { coupling, ..CellExecuteTrajectory::new(None, trajectory(robots)) }
@@ -218,7 +218,8 @@ fn what_is_not_clear_is_not_committed() {
 #[test]
 fn the_check_covers_the_way_to_rest_after_a_loss() {
     let mut bench = Bench::new();
-    bench.agent("right").readiness.as_mut().expect("set").stop_time_s = 0.35;
+    let readiness = bench.agent("right").readiness.as_mut().expect("set");
+    (readiness.stop_time_s, readiness.controller_lag_ms) = (0.35, 40.0);
     bench.execute(1, &["left", "right"]);
     bench.run(ms(500));
     let request = bench.actions.iter().find_map(|(_, action)| match action {
@@ -227,7 +228,7 @@ fn the_check_covers_the_way_to_rest_after_a_loss() {
     });
     let period_s = 1e-3 * bench.agents[&name("left")].info.period_ms;
     let offset_s = request.expect("checked").offset_s;
-    assert!((offset_s - (0.05 + 0.06 + period_s + 0.35)).abs() < 1e-12, "{offset_s} s");
+    assert!((offset_s - (0.05 + 0.06 + period_s + 0.04 + 0.35)).abs() < 1e-12, "{offset_s} s");
 }
 
 #[test]
@@ -239,6 +240,25 @@ fn a_check_that_does_not_end_refuses_the_motion_in_time() {
     let denial = refused(&bench, ticket);
     assert_eq!(denial.code, DenialCode::Timeout);
     assert!(denial.message.contains("clearance"), "{denial}");
+}
+
+#[test]
+fn checks_that_clients_ask_for_leave_a_place_for_motions() {
+    let mut bench = Bench::new();
+    bench.clearance = None;
+    let ask = |bench: &mut Bench| {
+        let params = CheckClearanceParams { trajectory: trajectory(&["left"]), offset_ms: 0.0 };
+        bench.request(CellRequest::CheckClearance(Box::new(params)))
+    };
+    let first = ask(&mut bench);
+    let second = ask(&mut bench);
+    bench.run(ms(10));
+    assert!(bench.answers(first).is_empty(), "it is under way");
+    assert_eq!(bench.denial(second).code, DenialCode::Busy);
+    bench.execute(1, &["left", "right"]);
+    bench.run(ms(500));
+    let is_check = |(_, action): &&(_, Action)| matches!(action, Action::CheckClearance { .. });
+    assert_eq!(bench.actions.iter().filter(is_check).count(), 2, "the motion's own");
 }
 
 #[test]
@@ -322,7 +342,7 @@ fn the_worst_divergence_of_all_parts_is_reported() {
 #[test]
 fn every_step_is_asked_under_the_lease_of_the_robot() {
     let mut bench = Bench::new();
-    let ticket = bench.request(crate::coordinator::CellRequest::AcquireLease(
+    let ticket = bench.request(CellRequest::AcquireLease(
         armada_protocol::messages::CellAcquireLeaseParams {
             robots: ["left", "right"].map(name).to_vec(),
             ttl_ms: 20_000,

@@ -162,6 +162,29 @@ fn robots_without_shapes_are_named_and_never_clear() {
 }
 
 #[test]
+fn a_robot_that_moves_and_of_which_nothing_is_known_is_refused() {
+    let [a, b] = crossing();
+    let mut request = request(&[a, b], 4.0, 0.2);
+    let [a, b] = crossing();
+    let mut unknown = world(&[a]);
+    assert!(unknown.clearance(&request).is_ok(), "it is no robot of this cell");
+    let placed = [("a", Pose::default()), ("b", b.X_PR)].map(|(robot, pose)| CellRobot {
+        robot: name(robot),
+        mount: CellMount { parent: "world".to_owned(), pose },
+        endpoint: String::new(),
+    });
+    unknown = World::new(placed.into_iter());
+    let [a, _] = crossing();
+    assert!(unknown.set_model(&info(&a)).is_empty());
+    let denial = unknown.clearance(&request).expect_err("nobody knows its shape");
+    assert_eq!(denial.code, DenialCode::NotReady);
+    assert!(denial.message.starts_with("b: "), "{denial}");
+    request.parts.remove(&name("b"));
+    let report = unknown.clearance(&request).expect("it stays").solve().expect("can be told");
+    assert!(!report.answer.clear && report.answer.without_shape == ["b"], "{report:?}");
+}
+
+#[test]
 fn a_robot_that_takes_no_part_is_an_obstacle_where_it_stands() {
     let [a, b] = crossing();
     let actors = [a, Actor { from: vec![0.1], ..b }];

@@ -117,8 +117,7 @@ class MotionStatus(Message, frozen=True, kw_only=True, omit_defaults=True):
     epoch: int
     """Epoch it belongs to."""
     started_ns: MonoTime | None
-    """When its clock was zero, agent's monotonic clock [ns]: when the first set-point was sent, or
-    up to a period before that if it began with others; None before."""
+    """When the first set-point was sent, agent's monotonic clock [ns]; None before."""
     elapsed_s: float
     """Time along its own clock [s]."""
     duration_s: float

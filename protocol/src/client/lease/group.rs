@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::future::poll_fn;
-use std::pin::pin;
 use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
@@ -127,7 +126,7 @@ impl GroupLeaseKeeper {
         let mut waits: Vec<_> =
             self.keepers.values().map(|keeper| Box::pin(keeper.lost())).collect();
         poll_fn(|context| {
-            let is_lost = waits.iter_mut().any(|wait| pin!(wait).poll(context).is_ready());
+            let is_lost = waits.iter_mut().any(|wait| wait.as_mut().poll(context).is_ready());
             if is_lost { Poll::Ready(()) } else { Poll::Pending }
         })
         .await;
