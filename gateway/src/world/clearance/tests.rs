@@ -173,7 +173,7 @@ fn a_robot_that_moves_and_of_which_nothing_is_known_is_refused() {
         mount: CellMount { parent: "world".to_owned(), pose },
         endpoint: String::new(),
     });
-    unknown = World::new(placed.into_iter());
+    unknown = World::new(placed);
     let [a, _] = crossing();
     assert!(unknown.set_model(&info(&a)).is_empty());
     let denial = unknown.clearance(&request).expect_err("nobody knows its shape");
