@@ -45,6 +45,12 @@ async fn tcp(bench: &Bench) -> Pose {
     bench.client.call::<ForwardKinematics>(&bench.robot, params).await.expect("a pose").tcp
 }
 
+async fn tcp_at(bench: &Bench, position: JointVector) -> Pose {
+    let joint_position_rad = Some(position);
+    let params = ForwardKinematicsParams { joint_position_rad, ..Default::default() };
+    bench.client.call::<ForwardKinematics>(&bench.robot, params).await.expect("a pose").tcp
+}
+
 async fn ended(bench: &Bench, id: Uuid) -> ActionStatus {
     bench.motion_end(id).await.status
 }
@@ -99,7 +105,8 @@ async fn a_straight_move_leads_the_tool_along_its_line() {
     assert_eq!(answer.status, Some(ActionStatus::Complete));
     let states =
         client.subscribe::<RobotState>("robots/left_arm/state", 512).await.expect("subscribes");
-    let from = tcp(&bench).await;
+    // Where it is told to be, which it still approaches.
+    let from = tcp_at(&bench, JointVector::from_slice(&START).expect("six joints")).await;
     let to = Pose::from_translation(-0.05, 0.15, 0.1) * from;
     let accepted =
         client.call::<MoveLinear>(robot, move_to(to, MoveOptions::default())).await.expect("taken");
@@ -109,9 +116,7 @@ async fn a_straight_move_leads_the_tool_along_its_line() {
     loop {
         // Where it is told to be: where it is depends on when a busy machine lets the loop run.
         let (_, state) = states.next().await.expect("a state");
-        let joint_position_rad = Some(state.joint_position_command_rad);
-        let params = ForwardKinematicsParams { joint_position_rad, ..Default::default() };
-        let tip = client.call::<ForwardKinematics>(robot, params).await.expect("a pose").tcp;
+        let tip = tcp_at(&bench, state.joint_position_command_rad).await;
         let off = tip.position() - from.position();
         let beside = (off - direction * off.dot(&direction)).norm();
         assert!(beside < 1e-3, "{beside} m beside the line");
