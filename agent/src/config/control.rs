@@ -33,7 +33,7 @@ pub struct ControlConfig {
     pub standstill_velocity_rad_s: f64,
     /// The same for one that slides \[m/s\]; default 0.002.
     pub standstill_velocity_m_s: f64,
-    /// How long every joint must be below \[ms\], 0 to 5000; default 50.
+    /// How long every joint must be below \[ms\], 0 to 5000; default 100.
     pub standstill_hold_ms: f64,
     /// How long the controller has to switch its drives, clear its errors, take or end a move of its
     /// own \[ms\], 100 to 7000 (the contract lets clients wait 8000); default 5000.
@@ -145,7 +145,7 @@ impl Default for ControlConfig {
             tracking_lag_ms: 10.0,
             standstill_velocity_rad_s: 0.01,
             standstill_velocity_m_s: 0.002,
-            standstill_hold_ms: 50.0,
+            standstill_hold_ms: 100.0,
             request_timeout_ms: 5000.0,
             stream_timeout_ms: 40.0,
             stream_max_age_ms: 100.0,

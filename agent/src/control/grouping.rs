@@ -1,5 +1,7 @@
 //! The motion of this robot as a part of one of several: between the loop and its [`GroupMachine`].
 
+use std::time::Duration;
+
 use armada_model::MonoTime;
 use armada_protocol::messages::{ActionStatus, Coupling, GroupQuality};
 use arrayvec::ArrayVec;
@@ -57,9 +59,21 @@ impl LoopState {
     }
 
     /// What is to be said to the partners, after the tick.
-    pub(super) fn tell_partners(&mut self, now: MonoTime) -> ArrayVec<GroupSay, MAX_SAID> {
+    pub(super) fn tell_partners(
+        &mut self,
+        now: MonoTime,
+        period: Duration,
+    ) -> ArrayVec<GroupSay, MAX_SAID> {
         let Some(group) = &mut self.group else { return ArrayVec::new() };
-        let said = group.poll(now);
+        let phase_s = match &self.motion {
+            Some(Motion { id, source: Source::Trajectory(trajectory), .. })
+                if *id == group.id() =>
+            {
+                trajectory.phase_s(period.as_secs_f64())
+            }
+            _ => group.phase_s(),
+        };
+        let said = group.poll(now, phase_s);
         if group.is_over(now) {
             self.group = None;
         }

@@ -46,7 +46,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     state.climb(&mut tick);
     state.answer_pending(&mut tick);
     state.answer_values(&mut tick);
-    output.group = state.tell_partners(now);
+    output.group = state.tell_partners(now, params.period);
     output.snapshot = state.snapshot(params, now, output.command.as_ref());
     output
 }

@@ -38,6 +38,7 @@ pub(crate) fn params() -> Params {
         effort: None,
     };
     Params {
+        standstill_hold: Duration::from_millis(50),
         start_tolerance: all(0.05),
         tracking_tolerance: all(0.05),
         tracking_lag: PERIOD,

@@ -144,7 +144,6 @@ impl GroupMachine {
     pub fn guide(&mut self, now: MonoTime, own: &Own) -> Decision {
         let time_s = self.time_s(now);
         self.own = *own;
-        self.trace.note(time_s, own.phase_s);
         match self.state {
             GroupState::Armed => self.guide_armed(now, time_s),
             GroupState::Running => self.guide_running(now, time_s),
@@ -190,16 +189,20 @@ impl GroupMachine {
         self.ratio = ratio;
     }
 
-    /// What is to be said to all partners after the tick `now`.
-    pub fn poll(&mut self, now: MonoTime) -> ArrayVec<GroupSay, MAX_SAID> {
+    /// What is to be said to all partners after the tick `now`, whose set-point is that at `phase_s`.
+    ///
+    /// Compared is where robots are after their ticks: before them each is behind by a period, and
+    /// the periods of robots differ.
+    pub fn poll(&mut self, now: MonoTime, phase_s: f64) -> ArrayVec<GroupSay, MAX_SAID> {
         let mut said = ArrayVec::new();
+        self.trace.note(self.time_s(now), phase_s, self.pace.rate());
         if self.is_over(now) || !(self.changed || now >= self.next_beat) {
             return said;
         }
         let regular = self.next_beat + BEAT;
         self.next_beat = if self.changed || regular <= now { now + BEAT } else { regular };
         self.changed = false;
-        let beat = self.beat(now);
+        let beat = self.beat(now, phase_s);
         let (group, from_phase_s) = (self.id, self.ramp_from_s);
         let first = match (self.state, self.why) {
             (GroupState::Armed, _) => Some(Say::Go),
@@ -232,6 +235,12 @@ impl GroupMachine {
     #[must_use]
     pub const fn id(&self) -> Uuid {
         self.id
+    }
+
+    /// Phase \[s\] at which the tick before it found the own robot.
+    #[must_use]
+    pub const fn phase_s(&self) -> f64 {
+        self.own.phase_s
     }
 
     /// How it stands.
@@ -449,9 +458,9 @@ impl GroupMachine {
         (0..).zip(&self.partners).find_map(|(index, partner)| Some((index, fault(partner)?)))
     }
 
-    fn beat(&mut self, now: MonoTime) -> Beat {
+    fn beat(&mut self, now: MonoTime, phase_s: f64) -> Beat {
         self.seq += 1;
-        let Own { phase_s, rate, error, .. } = self.own;
+        let Own { rate, error, .. } = self.own;
         let (state, time_s, scale) = (self.state, self.time_s(now), self.scale);
         Beat { seq: self.seq, state, time_s, phase_s, rate, error, scale }
     }

@@ -16,12 +16,13 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Takes the phase \[s\] at a time \[s\], not before the last one.
-    pub(super) fn note(&mut self, time_s: f64, phase_s: f64) {
+    /// Takes the phase \[s\] at a time \[s\], not before the last one, and the rate that led to it.
+    pub(super) fn note(&mut self, time_s: f64, phase_s: f64, rate: f64) {
         let stood = self.entries.last().is_some_and(|last| last.1 == self.now.1);
         if stood && phase_s != self.now.1 {
-            // Where it began to go: between entries it is taken to go evenly.
-            self.push(self.now);
+            // Where it began to go, which is between two ticks: from there on it is taken to go evenly.
+            let took_s = if rate > 0.0 { (phase_s - self.now.1) / rate } else { 0.0 };
+            self.push(((time_s - took_s).clamp(self.now.0, time_s), self.now.1));
         }
         let due = self.entries.last().is_none_or(|(last_s, _)| time_s - last_s >= SPACING_S);
         if due {

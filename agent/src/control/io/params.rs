@@ -90,7 +90,7 @@ impl Params {
             period,
             communication_timeout: (period * 4).max(Duration::from_millis(100)),
             tracking_lag: period * 2,
-            standstill_hold: Duration::from_millis(50),
+            standstill_hold: Duration::from_millis(100),
             request_timeout: Duration::from_secs(5),
             homing_timeout: Duration::from_secs(60),
             enable_on_start: false,

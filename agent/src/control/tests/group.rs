@@ -7,9 +7,10 @@ use armada_model::{CompiledTrajectory, JointVector};
 use armada_protocol::messages::{ActionStatus, CommandMode, Coupling, LeaseLoss, StopLevel};
 use uuid::Uuid;
 
-use super::rig::{PERIOD, Rig, joints, trajectory};
+use super::rig::{PERIOD, Rig, joints, params, trajectory};
 use crate::control::{
-    FollowOrder, GroupOrder, GroupWord, MotionReport, Order, PartnerFault, Refusal, Say, Word,
+    FollowOrder, GroupOrder, GroupWord, MotionReport, Order, Params, PartnerFault, Refusal, Say,
+    Word,
 };
 
 use ActionStatus::{Cancelled, Complete, Failed, Paused, Running};
@@ -104,6 +105,15 @@ impl Pair {
         }
     }
 
+    /// The loop that is due first wakes.
+    fn tick_in_turn(&mut self) {
+        let [first, second] = [0, 1].map(|index| {
+            let rig = &self.rigs[index];
+            rig.now + rig.params.period
+        });
+        self.tick_one(usize::from(second < first), 1);
+    }
+
     fn until(&mut self, what: &str, condition: impl Fn(&Self) -> bool) {
         for _ in 0..2000 {
             self.tick();
@@ -170,6 +180,31 @@ fn loops_whose_ticks_fall_at_different_times_are_at_one_phase() {
                 assert!(quality.max_divergence_ms < 1e-3, "{shift_us}: {quality:?}");
                 let limited = rig.last.as_ref().expect("a tick").snapshot.limited_setpoints;
                 assert_eq!(limited, 0, "{shift_us}");
+            }
+        }
+    }
+}
+
+#[test]
+fn loops_of_different_periods_are_at_one_phase() {
+    for (period_ms, shift_us) in [(2, 0), (2, 700), (10, 0), (10, 300), (10, 3900)] {
+        for coupling in [Independent, TimeSynced, Rigid] {
+            let mut pair = Pair::committed_after(coupling, |index, rig| {
+                if index == 1 {
+                    let period = Duration::from_millis(period_ms);
+                    let slow = Params { period, ..params() };
+                    *rig = Rig::in_mode_with(slow, CommandMode::Trajectory);
+                    rig.now = rig.now + Duration::from_micros(shift_us);
+                }
+            });
+            for _ in 0..4000 {
+                pair.tick_in_turn();
+            }
+            for rig in &pair.rigs {
+                let end = rig.ended(MOTION).expect("it ended");
+                assert_eq!((sent(rig), end.status), (joints(END), Complete), "{period_ms} ms");
+                let quality = end.group.expect("it has partners");
+                assert!(quality.max_divergence_ms < 1e-3, "{period_ms} {shift_us}: {quality:?}");
             }
         }
     }

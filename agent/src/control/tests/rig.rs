@@ -158,7 +158,12 @@ impl Rig {
 
     /// A robot in `mode`, entered from halt.
     pub(super) fn in_mode(mode: CommandMode) -> Self {
-        let mut rig = Self::new();
+        Self::in_mode_with(params(), mode)
+    }
+
+    /// The same with other parameters.
+    pub(super) fn in_mode_with(params: Params, mode: CommandMode) -> Self {
+        let mut rig = Self::with(params);
         rig.tick();
         if mode != CommandMode::Halt {
             assert!(rig.ask(Order::SetMode(mode)).is_ok());

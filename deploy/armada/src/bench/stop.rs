@@ -315,7 +315,7 @@ impl Times {
         report.section(self.add_rows(section, |ack| ack.since_received));
         report.note(
             "one publication each, without the repetitions of the client; rows are of all arms; \
-             standstill is measured speed below the threshold for 50 ms, so the ramp and the hold \
+             standstill is measured speed below the threshold for 100 ms, so the ramp and the hold \
              are in it",
         );
         report.note(

@@ -244,7 +244,7 @@ impl Robot {
                 self.end(tick, now, None);
             }
         }
-        let said: Vec<_> = self.machine.poll(now).into_iter().collect();
+        let said: Vec<_> = self.machine.poll(now, self.phase_s).into_iter().collect();
         self.said_go |= said.iter().any(|said| said.say == Say::Go);
         let after = self.machine.report().state;
         assert!(before != GroupState::Aborting || after == before, "resurrection");

@@ -154,7 +154,7 @@ impl World {
             }
         }
         check_order(before, robot.state());
-        robot.machine.poll(now).into_iter().collect()
+        robot.machine.poll(now, robot.phase_s).into_iter().collect()
     }
 
     fn send(&mut self, from: usize, say: &GroupSay, fate: Fate<'_>) {

@@ -79,6 +79,8 @@ fn params() -> Params {
     Params {
         home: vec![Some(0.1), Some(0.01)],
         abilities,
+        // Short, for stories in which much happens.
+        standstill_hold: Duration::from_millis(50),
         equipment: Arc::new(Equipment { config_seqno: 1, chains: vec![arm] }),
         ..Params::for_joints(limits, PERIOD).expect("two joints")
     }
