@@ -3,13 +3,13 @@
 use std::time::Duration;
 
 use armada_model::MonoTime;
-use armada_protocol::messages::{ActionStatus, Coupling, GroupQuality};
+use armada_protocol::messages::{ActionStatus, Coupling, GroupQuality, StopLevel};
 use arrayvec::ArrayVec;
 use uuid::Uuid;
 
 use super::group::{BEAT, Decision, GroupMachine, GroupReport, GroupWord, MAX_SAID, Own};
 use super::io::{FollowOrder, GroupSay, LoopEvent, Refusal};
-use super::motion::{End, Motion, Source};
+use super::motion::{End, Motion, STOP_ALLOWANCE, Source, TrajectoryMotion};
 use super::state::{LoopState, Tick};
 
 impl LoopState {
@@ -25,15 +25,21 @@ impl LoopState {
     /// Starts, goes on or stops as the group does; before the set-point is made.
     pub(super) fn keep_together(&mut self, tick: &mut Tick<'_>) {
         let period = tick.params.period;
+        let error = self.condition.feedback().map_or(0.0, |f| self.tracking.share(tick.params, f));
         let Some(group) = &mut self.group else { return };
+        if let Some(trajectory) = self.ramp.as_mut().and_then(|brake| brake.of_group(group.id())) {
+            // Stopped: what it does is to come to rest with its partners.
+            let own = own(trajectory, error, period);
+            if let Decision::Run { rate, .. } = group.guide(tick.now, &own) {
+                trajectory.set_ratio(rate, &self.limits, period.as_secs_f64());
+            }
+            return;
+        }
         let Some(motion) = self.motion.as_mut().filter(|motion| motion.id == group.id()) else {
             return;
         };
         let Source::Trajectory(trajectory) = &mut motion.source else { return };
-        let phase_s = trajectory.phase_s(period.as_secs_f64());
-        let error = self.condition.feedback().map_or(0.0, |f| self.tracking.share(tick.params, f));
-        let own = Own { phase_s, rate: trajectory.rate(), error, period };
-        match group.guide(tick.now, &own) {
+        match group.guide(tick.now, &own(trajectory, error, period)) {
             Decision::Hold | Decision::Free => {}
             Decision::Run { rate, paused } => {
                 trajectory.set_ratio(rate, &self.limits, period.as_secs_f64());
@@ -65,14 +71,16 @@ impl LoopState {
         period: Duration,
     ) -> ArrayVec<GroupSay, MAX_SAID> {
         let Some(group) = &mut self.group else { return ArrayVec::new() };
-        let phase_s = match &self.motion {
-            Some(Motion { id, source: Source::Trajectory(trajectory), .. })
-                if *id == group.id() =>
-            {
-                trajectory.phase_s(period.as_secs_f64())
-            }
-            _ => group.phase_s(),
+        let motion = self.motion.as_mut().filter(|motion| motion.id == group.id());
+        let followed = match motion.map(|motion| &mut motion.source) {
+            Some(Source::Trajectory(trajectory)) => Some(trajectory),
+            _ => self.ramp.as_mut().and_then(|brake| brake.of_group(group.id())),
         };
+        if followed.is_none() {
+            group.rest(now);
+        }
+        let rests_at_s = group.phase_s();
+        let phase_s = followed.map_or(rests_at_s, |t| t.phase_s(period.as_secs_f64()));
         let said = group.poll(now, phase_s);
         if group.is_over(now) {
             self.group = None;
@@ -105,7 +113,32 @@ impl LoopState {
         let Some(motion) = self.motion.as_ref() else { return false };
         let group = self.group.as_mut().filter(|group| group.id() == motion.id);
         let under_way = matches!(&motion.source, Source::Trajectory(t) if t.has_begun());
-        under_way && group.is_some_and(|group| group.leave(why))
+        under_way && group.is_some_and(|group| group.leave(why, BEAT))
+    }
+
+    /// Lets what is no fault of the robot bring it to rest on the common ramp of its rigid group, from
+    /// here, if it moves and that is in time: how long the ramp takes \[s\]. What the group holds may
+    /// break if one robot brakes harder than the other.
+    pub(super) fn stop_together(
+        &mut self,
+        tick: &Tick<'_>,
+        motion: &Motion,
+        end: End,
+    ) -> Option<f64> {
+        let why = match end {
+            End::Failed(why @ Refusal::Stopped(StopLevel::L2 | StopLevel::L1))
+            | End::Failed(why @ Refusal::LeaseLost)
+            | End::Cancelled(why) => why,
+            End::Complete | End::Failed(_) => return None,
+        };
+        let last = self.limiter.last().filter(|_| self.ramp.is_none())?;
+        let moves = last.velocity.iter().any(|&velocity| velocity != 0.0);
+        let under_way = matches!(&motion.source, Source::Trajectory(t) if t.has_begun());
+        let group = self.group.as_mut().filter(|group| group.id() == motion.id)?;
+        let ramp_s = group.ramp_s().filter(|_| moves && under_way)?;
+        let rest_s = (STOP_ALLOWANCE + tick.params.standstill_hold).as_secs_f64();
+        let in_time = ramp_s + rest_s <= tick.params.stop_time.as_secs_f64();
+        (in_time && group.leave(why, Duration::ZERO)).then_some(ramp_s)
     }
 
     /// The group whose pace the motion in progress follows, if it does.
@@ -144,6 +177,12 @@ pub(super) fn check_group(order: &FollowOrder, now: MonoTime) -> Result<(), Refu
         return Err(Refusal::StartTooSoon { lead_s, least_s });
     }
     Ok(())
+}
+
+/// Where the own robot is on its trajectory, and how well it follows it.
+fn own(trajectory: &TrajectoryMotion, error: f64, period: Duration) -> Own {
+    let phase_s = trajectory.phase_s(period.as_secs_f64());
+    Own { phase_s, rate: trajectory.rate(), error, period }
 }
 
 /// Status of a motion whose pace others share.

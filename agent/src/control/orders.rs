@@ -20,8 +20,12 @@ enum Verdict {
 impl LoopState {
     /// Does what is asked, or says why not.
     pub(super) fn take(&mut self, tick: &mut Tick<'_>, request: LoopRequest) {
-        let LoopRequest { ticket, lease, order } = request;
+        let LoopRequest { ticket, lease, until, order } = request;
         let attribution = Attribution::of(&order, lease);
+        if until.is_some_and(|until| tick.now > until) && !order.is_end() {
+            give_back(tick, order);
+            return tick.answer(ticket, Err(Refusal::TooLate));
+        }
         if let Err(refusal) = self.check_lease(tick, &order, lease) {
             give_back(tick, order);
             return tick.answer(ticket, Err(refusal));
@@ -55,15 +59,17 @@ impl LoopState {
             Order::Resume(id) => self.set_paused(tick, id, false).map(granted),
             Order::SetSpeedRatio(ratio) => self.set_speed_ratio(tick, ratio).map(granted),
             Order::SetEquipment(order) => self.set_equipment(tick, order).map(granted),
-            Order::SetSignal { signal, values, restricted } => {
+            Order::SetSignal { signal, values, restricted, while_stopped } => {
                 let place = ValuePlace::Signal(signal);
-                let order = ValueOrder { place, values, restricted };
+                let order = ValueOrder { place, values, restricted, while_stopped };
                 self.set_value(tick, ticket, order).map(|()| Verdict::Waiting)
             }
             Order::SetParameter { parameter, value, restricted } => {
                 let place = ValuePlace::Parameter(parameter);
                 let values = Values::from_slice(&[value]).unwrap_or_default();
-                let order = ValueOrder { place, values, restricted };
+                // A setting moves nothing.
+                let while_stopped = true;
+                let order = ValueOrder { place, values, restricted, while_stopped };
                 self.set_value(tick, ticket, order).map(|()| Verdict::Waiting)
             }
         };

@@ -26,7 +26,7 @@ pub fn step(params: &Params, state: &mut LoopState, input: &mut Input) -> Output
     let mut tick = Tick { params, now, loop_error, stopped, output: &mut output };
     state.seqno += 1;
     state.verify(&mut tick, input.feedback.as_ref());
-    state.follow_stop(&mut tick, input.stop);
+    state.follow_stop(&mut tick, input.stop, input.resets);
     state.watch_acknowledgement(&tick);
     state.watch_lease(&mut tick);
     state.keep_stream(&mut tick);

@@ -31,7 +31,8 @@
 //! follows none or its pendant's. Without communication nothing is said, though drives-off is still asked for.
 //! Standstill has to be shown anew after each raise, by a robot that stood before as well.
 //!
-//! When the gate opens nothing moves and nothing is enabled.
+//! Outputs of the controller stay as they are; see `values`. When the gate opens nothing moves and
+//! nothing is enabled.
 
 use armada_model::MonoTime;
 use armada_protocol::messages::{CommandMode, StopLevel, StopStage};
@@ -49,6 +50,8 @@ pub(super) struct Stop {
     stage: Option<StopStage>,
     /// When it came to this level.
     since: MonoTime,
+    /// How often the gate had been opened when it was looked at last.
+    resets: u16,
 }
 
 impl Stop {
@@ -60,7 +63,17 @@ impl Stop {
 
 impl LoopState {
     /// Follows the gate outside.
-    pub(super) fn follow_stop(&mut self, tick: &mut Tick<'_>, gate: Option<StopLevel>) {
+    pub(super) fn follow_stop(
+        &mut self,
+        tick: &mut Tick<'_>,
+        gate: Option<StopLevel>,
+        resets: u16,
+    ) {
+        let was_open = std::mem::replace(&mut self.stop.resets, resets) != resets;
+        if was_open && gate.is_some() && self.stop.level.is_some() {
+            // It was reset and stopped again since the last tick: that is a stop of its own.
+            self.open_gate(tick);
+        }
         match gate {
             None if self.stop.level.is_some() => self.open_gate(tick),
             // None orders before every level.
@@ -133,7 +146,7 @@ impl LoopState {
     }
 
     fn close_gate(&mut self, tick: &mut Tick<'_>, level: StopLevel) {
-        self.stop = Stop { level: Some(level), stage: None, since: tick.now };
+        self.stop = Stop { level: Some(level), stage: None, since: tick.now, ..self.stop };
         self.clear_lease(tick);
         self.standstill.restart();
         self.controller.ask_at_once(DriverRequest::Disable);
@@ -144,10 +157,11 @@ impl LoopState {
         };
         self.change_mode(tick, mode, End::Failed(why));
         self.refuse_pending(tick, DriverRequest::Enable, why);
+        self.refuse_values(tick, why);
     }
 
     fn open_gate(&mut self, tick: &mut Tick<'_>) {
-        self.stop = Stop::default();
+        self.stop = Stop { resets: self.stop.resets, ..Stop::default() };
         self.raise_epoch(tick, End::Cancelled(Refusal::ModeLeft));
         self.reseed(tick);
         tick.event(LoopEvent::StopCleared);

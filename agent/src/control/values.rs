@@ -1,14 +1,15 @@
 //! Signals and parameters of the controller: asked for until the feedback shows them.
 //!
 //! ```text
-//! order --restricted and moving--> refused
+//! order --restricted and moving, or an output and stopped--> refused
 //!   |
 //!   +--> asked, again every 50 ms --feedback shows the value--> granted
 //!                 +-----------------time is up----------------> refused
 //! ```
 //!
 //! A value that is asked for while an older one is under way takes its place; whoever waits for
-//! the older one is told so.
+//! the older one is told so. An output may close a gripper, so a stop keeps outputs as they are, but for
+//! those that are meant to be set then, such as a lamp.
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -43,6 +44,8 @@ pub(super) struct ValueOrder {
     pub(super) values: Values<MAX_JOINTS>,
     /// Whether it may be set only while the robot does not move.
     pub(super) restricted: bool,
+    /// Whether it may be set while a stop is latched.
+    pub(super) while_stopped: bool,
 }
 
 /// Which value.
@@ -85,6 +88,9 @@ impl LoopState {
         if self.condition.feedback().is_none() {
             return Err(Refusal::CommunicationLost);
         }
+        if !order.while_stopped {
+            self.check_gate()?;
+        }
         if order.restricted {
             self.check_idle(tick)?;
         }
@@ -96,6 +102,16 @@ impl LoopState {
         let deadline = tick.now + tick.params.request_timeout;
         let value = PendingValue { ticket, order, slot, deadline, asked: None };
         pending.try_push(value).map_err(|_| Refusal::TooManyPending)
+    }
+
+    /// Refuses what a stop came before, for `why`.
+    pub(super) fn refuse_values(&mut self, tick: &mut Tick<'_>, why: Refusal) {
+        self.values.0.retain(|pending| {
+            if !pending.order.while_stopped {
+                tick.answer(pending.ticket, Err(why));
+            }
+            pending.order.while_stopped
+        });
     }
 
     /// The value that the controller is to be asked for now.

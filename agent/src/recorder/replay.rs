@@ -54,6 +54,7 @@ fn replay_segment(params: &Params, segment: &Segment) -> Option<Difference> {
             now: tick.now,
             feedback: tick.feedback,
             stop: tick.stop,
+            resets: tick.resets,
             loop_error: tick.loop_error,
             requests: requests.by_ref().take(usize::from(tick.requests)).cloned().collect(),
             stream: samples.by_ref().take(usize::from(tick.samples)).copied().collect(),

@@ -36,6 +36,8 @@ pub struct Tick {
     pub now: MonoTime,
     /// Level of the latched stop.
     pub stop: Option<StopLevel>,
+    /// How often it was reset.
+    pub resets: u16,
     /// Whether the step before panicked.
     pub loop_error: bool,
     /// Report of the controller.
@@ -115,6 +117,7 @@ impl Segment {
         self.ticks.push(Tick {
             now: input.now,
             stop: input.stop,
+            resets: input.resets,
             loop_error: input.loop_error,
             feedback: input.feedback,
             requests,

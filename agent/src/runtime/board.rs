@@ -17,7 +17,7 @@ use super::connected::Connected;
 use super::leases::Leases;
 use super::motion_log::MotionLog;
 use super::stop_latch::{ResetRules, StopRecord};
-use super::why::{Known, next, why};
+use super::why::{FirstTold, Known, next, why};
 use super::words::{Vocabulary, role_name};
 use crate::control::{DroppedSamples, Granted, Refusal, Snapshot, StreamReport};
 use crate::drivers::LinkRefusal;
@@ -51,6 +51,8 @@ pub(super) struct Board {
     pub(super) leases: Leases,
     /// Since when the pendant has had control.
     pub(super) local_since: Option<MonoTime>,
+    /// Since when the other reasons have been told for which the robot is as it is.
+    first_told: FirstTold,
     /// Why the controller does not serve this client, if it says so.
     pub(super) link_refusal: Option<LinkRefusal>,
     pub(super) stop: Option<StopRecord>,
@@ -81,6 +83,7 @@ impl Board {
             faults: Vec::new(),
             leases: Leases::default(),
             local_since: None,
+            first_told: FirstTold::default(),
             link_refusal: None,
             stop: None,
             reset_rules: ResetRules::default(),
@@ -173,6 +176,7 @@ impl Board {
         };
         let known = self.known();
         (status.why, status.next) = (why(&status, &known), next(&status, &known));
+        self.first_told.date(&mut status.why, now);
         status
     }
 

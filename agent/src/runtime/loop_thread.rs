@@ -23,7 +23,8 @@ use super::mailbox::{Latest, LoopEnd};
 use super::meter::Meter;
 use super::processor::Processor;
 use super::realtime::{self, RealtimeReport};
-use super::stop_gate::{Closing, StopGate};
+use super::stop_gate::{Closing, GateState, StopGate};
+use super::stop_watch::StopWatch;
 use super::wake_log::WakeLog;
 use crate::config::RealtimeConfig;
 use crate::control::{Input, LoopEvent, LoopState, MAX_REQUESTS, Output, Params, Refusal, step};
@@ -39,6 +40,8 @@ pub(super) struct LoopThread {
     pub(super) link: Link,
     pub(super) mailbox: LoopEnd,
     pub(super) gate: Arc<StopGate>,
+    /// Until when the sources of stops are known to be released.
+    pub(super) watch: Arc<StopWatch>,
     pub(super) meter: Arc<Meter>,
     /// Told at every tick.
     pub(super) runs_on: Arc<Processor>,
@@ -122,10 +125,13 @@ impl LoopThread {
         self.link.receive(|endpoint, _, bytes| driver.receive(woke, endpoint, bytes));
         let feedback = driver.feedback().copied();
         self.watch_emergency_stop(feedback.as_ref());
+        self.watch_sources(woke);
+        let GateState { level, openings } = self.gate.state();
         let mut input = Input {
             now: deadline,
             feedback,
-            stop: self.gate.level(),
+            stop: level,
+            resets: openings,
             loop_error: carry.loop_error,
             requests: ArrayVec::new(),
             stream: ArrayVec::new(),
@@ -171,6 +177,15 @@ impl LoopThread {
             self.meter.lost_events.fetch_add(1, Ordering::Relaxed);
         }
         self.publisher.unpark();
+    }
+
+    /// Closes the gate when whoever asks the sources of stops says nothing of them any more. The desk
+    /// finds it closed and writes that down.
+    fn watch_sources(&self, now: MonoTime) {
+        let level = self.watch.overdue(now).filter(|_| self.gate.level().is_none());
+        if let Some(level) = level {
+            self.gate.close(level);
+        }
     }
 
     /// Answers the requests of a step that panicked. One that it had answered or left to wait may
@@ -284,6 +299,7 @@ mod tests {
     use super::*;
     use crate::control::{LoopRequest, Order};
     use crate::drivers::{Abilities, DriverRequest, Endpoint, LinkCounters, SetPoint, Transmit};
+    use crate::stop_sources::StopSources;
 
     const PERIOD: Duration = Duration::from_millis(1);
 
@@ -358,6 +374,11 @@ mod tests {
             link: Link::open(&[]).expect("nothing to open"),
             mailbox: loop_end,
             gate: Arc::default(),
+            watch: Arc::new(StopWatch::new(&StopSources::new(
+                "defective".parse().expect("a name"),
+                Vec::new(),
+                monotonic(),
+            ))),
             meter: Arc::clone(&meter),
             runs_on: Arc::default(),
             realtime: RealtimeConfig { priority: None, cpu: None, lock_memory: false },

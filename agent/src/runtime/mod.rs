@@ -51,6 +51,7 @@ mod stop_intake;
 mod stop_keeper;
 mod stop_latch;
 mod stop_sources;
+mod stop_watch;
 mod stream_intake;
 mod threads;
 mod wake_log;

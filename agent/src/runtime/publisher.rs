@@ -98,6 +98,9 @@ impl Publisher {
                 }
             }
         }
+        // The last that is told of the robot is how it was left, whatever the rate.
+        let last = *self.mailbox.latest.read();
+        self.publish(&last.snapshot, true);
     }
 
     /// Publishes what has fallen due and somebody listens to; the state itself if it `is_due`, and

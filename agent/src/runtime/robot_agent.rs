@@ -44,6 +44,7 @@ use super::stop_intake::{self, IncomingStop, StopIntake};
 use super::stop_keeper::StopKeeper;
 use super::stop_latch::{CONTROLLER, StopRecord, at_start, untold};
 use super::stop_sources::StopSourceAsker;
+use super::stop_watch::StopWatch;
 use super::stream_intake::StreamIntake;
 use super::threads::Threads;
 use super::wake_log::WakeLog;
@@ -239,6 +240,7 @@ impl RobotAgent {
 struct Shared {
     boot_id: Uuid,
     gate: Arc<StopGate>,
+    watch: Arc<StopWatch>,
     keeper: Arc<StopKeeper>,
     meter: Arc<Meter>,
     /// Where the loop runs.
@@ -269,9 +271,11 @@ impl Shared {
         board.stop = StopRecord::from_kept(&kept, closing.unwrap_or_default(), now);
         board.reset_rules = robot.reset_rules.clone();
         board.stop_sources = StopSources::new(name, robot.stop_sources.clone(), now);
+        let watch = Arc::new(StopWatch::new(&board.stop_sources));
         Ok(Self {
             boot_id,
             gate,
+            watch,
             keeper: Arc::new(keeper),
             meter: Arc::default(),
             runs_on: Arc::default(),
@@ -331,6 +335,7 @@ impl Shared {
             driver,
             mailbox,
             gate: Arc::clone(&self.gate),
+            watch: Arc::clone(&self.watch),
             meter: Arc::clone(&self.meter),
             runs_on: Arc::clone(&self.runs_on),
             realtime: robot.config.control.realtime,
@@ -434,6 +439,7 @@ impl Shared {
             session: session.clone(),
             board: Arc::clone(&self.board),
             gate: Arc::clone(&self.gate),
+            watch: Arc::clone(&self.watch),
             desk,
             changed: Arc::clone(&self.changed),
         }

@@ -124,12 +124,19 @@ fn undecided(from_s: f64, remedy: &str) -> Denial {
 
 #[cfg(test)]
 mod tests {
-    use armada_model::{JointLimits, JointTrajectory, MotionLimits, TrajectoryOptions, Waypoint};
+    use armada_model::{
+        Interpolation, JointLimits, JointTrajectory, MotionLimits, TrajectoryOptions, Waypoint,
+    };
 
     use super::*;
 
     /// The arm of the default cell, which folds its elbow from `from` to `to`.
     fn fold(from: f64, to: f64) -> Result<(), Denial> {
+        elbow_at(&[(0.0, from), (4.0, to)])
+    }
+
+    /// The same arm, with its elbow at these places at these times \[s\].
+    fn elbow_at(places: &[(f64, f64)]) -> Result<(), Denial> {
         let text = include_str!("../../../config/robots/six_axis_arm.urdf");
         let model = RobotModel::from_urdf(text, "arm.urdf").expect("a robot description");
         let names: Vec<String> = model.variables().map(|v| v.name.to_owned()).collect();
@@ -144,7 +151,9 @@ mod tests {
         };
         let wanted = JointTrajectory {
             joint_names: names.clone(),
-            waypoints: vec![waypoint(0.0, from), waypoint(4.0, to)],
+            waypoints: places.iter().map(|&(time_s, elbow)| waypoint(time_s, elbow)).collect(),
+            // It does not overshoot.
+            interpolation: Interpolation::JointLinear,
             ..JointTrajectory::default()
         };
         let options = TrajectoryOptions::default();
@@ -159,5 +168,35 @@ mod tests {
         assert_eq!(refused.code, DenialCode::Collision);
         assert_eq!(refused.details["links"].as_array().map(Vec::len), Some(2), "{refused}");
         assert!(refused.details["value"].as_f64().is_some_and(|d| d < 1e-3), "{refused}");
+    }
+
+    /// How far the elbow folds at least until links are too near, to a nanoradian \[rad\].
+    fn nearest_fold() -> f64 {
+        let is_too_near = |to| {
+            let refused = fold(1.57, to).err();
+            refused.is_some_and(|denial| denial.details.contains_key("links"))
+        };
+        let (mut clear, mut too_near) = (1.57, 3.1);
+        while too_near - clear > 1e-9 {
+            let middle = 0.5 * (clear + too_near);
+            if is_too_near(middle) { too_near = middle } else { clear = middle }
+        }
+        clear
+    }
+
+    #[test]
+    fn what_cannot_be_shown_to_be_clear_is_refused_with_its_time_and_a_remedy() {
+        let nearest = nearest_fold();
+        // Between two looks it could come nearer, as far as its speed tells.
+        let refused = fold(1.57, nearest).expect_err("in doubt");
+        assert_eq!(refused.code, DenialCode::Collision);
+        assert!(refused.message.ends_with("move slower"), "{refused}");
+        assert!(refused.details["at_s"].as_f64().is_some_and(|at| at > 3.5), "{refused}");
+        fold(1.57, nearest - 0.01).expect("clear");
+        // So near for so long that it would have to be looked at for ever.
+        let near = nearest - 0.002;
+        let refused = elbow_at(&[(0.0, 1.57), (4.0, near), (3000.0, near)]).expect_err("in doubt");
+        assert!(refused.message.ends_with("split the trajectory"), "{refused}");
+        assert!(refused.details["at_s"].as_f64().is_some_and(|at| at > 4.0), "{refused}");
     }
 }

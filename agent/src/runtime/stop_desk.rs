@@ -21,6 +21,9 @@ use super::stop_latch::{CONTROLLER, ReceivedStop, StopRecord, untold_stop};
 
 /// Most stops that are written down one by one; those beyond are one more together.
 const MAX_STOPS: usize = 256;
+/// What is said of a closing of the gate that nobody has told of.
+const UNTOLD: &str = "a stop that was not written down: in a flood of them, or because nobody asks the \
+                      sources of stops any more";
 /// How long the whole cell gets to stand still when an emergency stop of one robot stops it.
 const CELL_PATIENCE: Duration = Duration::from_secs(5);
 
@@ -110,7 +113,7 @@ impl Desk {
         let seen = std::mem::replace(&mut self.untold, untold.map(|_| count));
         let Some(level) = untold.filter(|_| seen.is_some()) else { return };
         self.untold = None;
-        let latched = untold_stop(level, "more stops came in than could be written down");
+        let latched = untold_stop(level, UNTOLD);
         let now = monotonic();
         self.record(latched.clone(), now, Closing { count, raised: false });
         self.tell_stop(&latched, now).await;

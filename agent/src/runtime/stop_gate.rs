@@ -6,10 +6,20 @@ use armada_protocol::messages::StopLevel;
 
 /// Closed at the highest level asked for since it was last opened.
 ///
-/// The word holds a count of closings and the level; opening names the count it has seen, so a
-/// stop that comes in during a reset cannot be lost.
+/// The word holds a count of closings, one of openings, and the level. Opening names the count of
+/// closings it has seen, so a stop that comes in during a reset cannot be lost; the count of openings
+/// shows the loop one that was closed again before it looked.
 #[derive(Debug, Default)]
 pub(super) struct StopGate(AtomicU64);
+
+/// The gate at one instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct GateState {
+    /// Level it is closed at.
+    pub(super) level: Option<StopLevel>,
+    /// How often it has been opened, from 0 again after 65 535.
+    pub(super) openings: u16,
+}
 
 /// What closing the gate did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,23 +32,31 @@ pub(super) struct Closing {
 
 const LEVEL_BITS: u32 = 8;
 const LEVEL_MASK: u64 = (1 << LEVEL_BITS) - 1;
+/// Bits below the count of closings: level and count of openings.
+const LOW_BITS: u32 = LEVEL_BITS + u16::BITS;
+const ONE_CLOSING: u64 = 1 << LOW_BITS;
 
 impl StopGate {
     /// Closes the gate at `level`, or higher if it is closed higher already.
     pub(super) fn close(&self, level: StopLevel) -> Closing {
         let asked = encode(level);
-        let next =
-            |word: u64| (((word >> LEVEL_BITS) + 1) << LEVEL_BITS) | (word & LEVEL_MASK).max(asked);
+        let next = |word: u64| {
+            (word & !LEVEL_MASK).wrapping_add(ONE_CLOSING) | (word & LEVEL_MASK).max(asked)
+        };
         let before = self
             .0
             .fetch_update(Ordering::AcqRel, Ordering::Acquire, |word| Some(next(word)))
             .unwrap_or_default();
-        Closing { count: next(before) >> LEVEL_BITS, raised: before & LEVEL_MASK < asked }
+        Closing { count: next(before) >> LOW_BITS, raised: before & LEVEL_MASK < asked }
     }
 
     /// Opens the gate if nobody has closed it since the closing of this `count`.
     pub(super) fn open(&self, count: u64) -> bool {
-        let open = |word: u64| (word >> LEVEL_BITS == count).then_some(count << LEVEL_BITS);
+        let open = |word: u64| {
+            let openings = openings_of(word).wrapping_add(1);
+            (word >> LOW_BITS == count)
+                .then_some(count << LOW_BITS | u64::from(openings) << LEVEL_BITS)
+        };
         self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, open).is_ok()
     }
 
@@ -56,13 +74,23 @@ impl StopGate {
 
     /// How often it has been closed.
     pub(super) fn count(&self) -> u64 {
-        self.0.load(Ordering::Acquire) >> LEVEL_BITS
+        self.0.load(Ordering::Acquire) >> LOW_BITS
+    }
+
+    /// Level and count of openings, of one instant.
+    pub(super) fn state(&self) -> GateState {
+        let word = self.0.load(Ordering::Acquire);
+        GateState { level: decode(word & LEVEL_MASK), openings: openings_of(word) }
     }
 
     /// Level it is closed at.
     pub(super) fn level(&self) -> Option<StopLevel> {
-        decode(self.0.load(Ordering::Acquire) & LEVEL_MASK)
+        self.state().level
     }
+}
+
+const fn openings_of(word: u64) -> u16 {
+    (word >> LEVEL_BITS) as u16
 }
 
 const fn encode(level: StopLevel) -> u64 {
@@ -117,6 +145,19 @@ mod tests {
         gate.raise(StopLevel::L2);
         assert_eq!(gate.level(), Some(StopLevel::L1), "it only rises");
         assert!(gate.open(closing.count));
+    }
+
+    #[test]
+    fn one_that_was_closed_again_at_once_shows_that_it_was_open() {
+        let gate = StopGate::default();
+        let mut count = gate.close(StopLevel::L1).count;
+        for openings in (0..=u16::MAX).chain([0, 1]) {
+            assert_eq!(gate.state(), GateState { level: Some(StopLevel::L1), openings });
+            assert!(gate.open(count));
+            assert_eq!(gate.level(), None);
+            count = gate.close(StopLevel::L1).count;
+        }
+        assert_eq!(count, gate.count());
     }
 
     #[test]

@@ -17,6 +17,7 @@ use super::board::SharedBoard;
 use super::clock::monotonic;
 use super::stop_gate::StopGate;
 use super::stop_intake::IncomingStop;
+use super::stop_watch::StopWatch;
 use crate::stop_sources::{ASK_EVERY, Press, SILENCE};
 
 /// How often it is looked whether one has been silent for too long.
@@ -29,6 +30,8 @@ pub(super) struct StopSourceAsker {
     pub(super) session: Session,
     pub(super) board: Arc<SharedBoard>,
     pub(super) gate: Arc<StopGate>,
+    /// What the control loop knows of them.
+    pub(super) watch: Arc<StopWatch>,
     /// Where stops are recorded; when it is closed the robot ends.
     pub(super) desk: mpsc::Sender<IncomingStop>,
     pub(super) changed: Arc<Notify>,
@@ -106,6 +109,7 @@ impl StopSourceAsker {
             if taken.is_err() {
                 board.count_dropped("stop_source_check_in");
             }
+            self.watch.note(&board.stop_sources);
             (taken, board.stop_sources.check_released(now).is_ok() != before)
         };
         match taken {

@@ -23,7 +23,7 @@
 use armada_model::MonoTime;
 use armada_protocol::messages::{
     ActionStatus, AuthorityState, CommandMode, Fault, FaultCode, Lease, ResetZone, RobotFlags,
-    RobotStatus, StreamStatistics, Why, WhyCode,
+    RobotStatus, StopLatch, StopStage, StreamStatistics, Why, WhyCode,
 };
 use uuid::Uuid;
 
@@ -41,6 +41,27 @@ pub(super) struct Known {
     pub(super) local: Option<MonoTime>,
     /// Why the controller does not serve this client, if it says so.
     pub(super) link: Option<String>,
+}
+
+/// Since when reasons have been told that come with no time of their own.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FirstTold(Vec<(WhyCode, Option<String>, MonoTime)>);
+
+impl FirstTold {
+    /// Dates reasons by when each was first told without a break, up to `now`.
+    pub(super) fn date(&mut self, reasons: &mut [Why], now: MonoTime) {
+        let is_of = |entry: &(WhyCode, Option<String>, MonoTime), why: &Why| {
+            entry.0 == why.code && entry.1 == why.who
+        };
+        self.0.retain(|entry| reasons.iter().any(|why| is_of(entry, why)));
+        for why in reasons.iter_mut().filter(|why| why.since_ns.is_none()) {
+            let known = self.0.iter().find(|entry| is_of(entry, why)).map(|entry| entry.2);
+            if known.is_none() {
+                self.0.push((why.code, why.who.clone(), now));
+            }
+            why.since_ns = Some(known.unwrap_or(now));
+        }
+    }
 }
 
 /// Why the robot does not move, or for whom it does: the most important first, never empty.
@@ -121,8 +142,13 @@ fn steps_after(reason: &Why, status: &RobotStatus, known: &Known) -> Vec<String>
             let needs = status.stop.as_ref().map(|stop| &stop.reset);
             let at_arm = needs.is_some_and(|n| n.zone == ResetZone::Manual && !n.acknowledged);
             let first = if at_arm { "acknowledge it at the arm, " } else { "" };
+            let stands = |stop: &StopLatch| stop.stage >= StopStage::Standstill;
+            let wait = match status.stop.as_ref().is_some_and(stands) {
+                true => "",
+                false => "wait until it is measured to stand still, ",
+            };
             let key = if needs.is_some_and(|needs| needs.signed) { " --key-file FILE" } else { "" };
-            format!("{first}see that it is safe, then: armada reset {robot}{key}")
+            format!("{wait}{first}see that it is safe, then: armada reset {robot}{key}")
         }
         WhyCode::StopSource => format!("release {who}, and see that it can be heard"),
         WhyCode::Local => "give control back at the pendant".to_owned(),
@@ -247,8 +273,7 @@ fn waiting(status: &RobotStatus) -> Option<Why> {
         _ => return None,
     };
     let message = format!("motion {} of {} {what}", motion.id, motion.client);
-    let who = Some(motion.client.clone());
-    Some(Why { code: WhyCode::Waiting, message, who, since_ns: motion.started_ns })
+    Some(Why { who: Some(motion.client.clone()), ..reason(WhyCode::Waiting, message) })
 }
 
 fn degraded_link(status: &RobotStatus, stream: &StreamStatistics) -> Option<Why> {

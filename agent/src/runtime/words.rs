@@ -234,6 +234,10 @@ impl Vocabulary {
                 format!("the controller of {} gave up with error {code}", self.robot),
             )
             .with("code", code),
+            Refusal::TooLate => Denial::new(
+                DenialCode::Timeout,
+                format!("the control loop of {} was too busy: nothing was begun", self.robot),
+            ),
             Refusal::StepFailed => Denial::new(
                 DenialCode::Internal,
                 format!(

@@ -137,6 +137,19 @@ impl StopSources {
         self.sources.iter().map(|source| source.setting.name.as_str())
     }
 
+    /// Highest level that a source asks for; none without sources.
+    #[must_use]
+    pub fn level(&self) -> Option<StopLevel> {
+        self.sources.iter().map(|source| source.setting.level).max()
+    }
+
+    /// Until when all sources are known to be released, if nothing else is heard; none without
+    /// sources.
+    #[must_use]
+    pub fn released_until(&self) -> Option<MonoTime> {
+        self.sources.iter().map(|source| source.proven + SILENCE).min()
+    }
+
     /// Notes that `source` is asked with `nonce`, which nobody can guess.
     pub fn note_challenge(&mut self, source: &str, nonce: Uuid, now: MonoTime) {
         if let Some(source) = self.sources.iter_mut().find(|known| known.setting.name == source) {

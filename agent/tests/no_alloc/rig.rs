@@ -160,6 +160,7 @@ impl Rig {
             now: self.now,
             feedback: self.feedback,
             stop: self.stop,
+            resets: 0,
             loop_error: false,
             requests: requests
                 .map(|(ticket, order)| LoopRequest::new(ticket, order))

@@ -9,7 +9,7 @@ use crate::rig::Rig;
 
 fn set_signal(signal: u8, values: &[f64], restricted: bool) -> Order {
     let values = Values::from_slice(values).expect("few values");
-    Order::SetSignal { signal, values, restricted }
+    Order::SetSignal { signal, values, restricted, while_stopped: false }
 }
 
 const fn set_parameter(value: f64) -> Order {

@@ -19,13 +19,16 @@ const REPEAT: Duration = Duration::from_millis(10);
 const EAGER: Duration = Duration::from_secs(1);
 /// Pause between repetitions after that.
 const LATE_REPEAT: Duration = Duration::from_millis(100);
+/// How long the gateway has to say which robots the cell has, while the stop is repeated.
+const CONFIGURED: Duration = Duration::from_millis(500);
 /// How often those that are not known to stand are asked to stop harder.
 const HARDER: u32 = 5;
 
 /// Who must stand still, and by when.
 #[derive(Clone, Debug)]
 pub struct StopOptions {
-    /// Robots that must be measured to stand still, besides those on the bus now.
+    /// Robots that must be measured to stand still, besides those on the bus now; if it is empty the
+    /// gateway is asked which the cell has.
     pub expected: Vec<RobotName>,
     /// How long to wait for that.
     pub timeout: Duration,
@@ -35,8 +38,9 @@ impl Client {
     /// Stops robots without the gateway: publishes the stop again and again, asks every agent as
     /// well, and waits until each robot is measured to stand still.
     ///
-    /// Robots in scope are those named by the scope, or for a whole cell `expected` and every
-    /// robot on the bus. The stop goes out before anything else is looked at.
+    /// Robots in scope are those named by the scope, or for a whole cell every robot on the bus and
+    /// `expected`, or if that is empty those that the gateway knows of. The stop goes out before
+    /// anything else is looked at.
     ///
     /// # Errors
     /// [`ClientError::Zenoh`] if nothing can be sent at all.
@@ -169,6 +173,13 @@ impl Client {
         }
     }
 
+    /// The robots of the cell's file, if the gateway tells them in time.
+    async fn configured_robots(&self) -> Vec<RobotName> {
+        let info = tokio::time::timeout(CONFIGURED, self.cell_info()).await;
+        let info = info.ok().and_then(Result::ok);
+        info.map_or_else(Vec::new, |info| info.robots.into_iter().map(|row| row.robot).collect())
+    }
+
     async fn robots_in_scope(
         &self,
         scope: &StopScope,
@@ -177,9 +188,14 @@ impl Client {
         match scope {
             StopScope::Robots(robots) => Ok(robots.iter().cloned().collect()),
             StopScope::Cell => {
-                let mut robots: BTreeSet<_> = expected.into_iter().collect();
-                robots.extend(self.robots_alive().await?);
-                Ok(robots)
+                let configured = async {
+                    match expected.is_empty() {
+                        true => self.configured_robots().await,
+                        false => expected,
+                    }
+                };
+                let (alive, configured) = tokio::join!(self.robots_alive(), configured);
+                Ok(alive?.into_iter().chain(configured).collect())
             }
         }
     }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::request::is_false;
+
 /// An input, an output or a group of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SignalInfo {
@@ -23,6 +25,9 @@ pub struct SignalInfo {
     pub max: Option<f64>,
     /// How many values: 1, 3 for a vector, 6 for a wrench, the number of bits of a port.
     pub size: u8,
+    /// Whether it may be written while a stop is latched: a lamp, but nothing that moves.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub while_stopped: bool,
     /// For people.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,

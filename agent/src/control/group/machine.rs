@@ -154,12 +154,14 @@ impl GroupMachine {
 
     /// The own motion is to end early, for a reason of its own. Returns whether it goes on for that
     /// on the common ramp, at whose end [`Decision::Rested`] says so; else it is over now.
-    pub fn leave(&mut self, why: Refusal) -> bool {
+    ///
+    /// The ramp begins `lead` later if all goes well, so that partners hear of it before they are
+    /// there; if they do not, they catch up with it.
+    pub fn leave(&mut self, why: Refusal, lead: Duration) -> bool {
         if self.order.coupling != Coupling::Rigid || self.state != GroupState::Running {
             return self.ramp_from_s.is_some() && self.moves;
         }
-        // Partners get a moment to hear it before they are there.
-        let ahead_s = BEAT.as_secs_f64() * self.own.rate;
+        let ahead_s = lead.as_secs_f64() * self.own.rate;
         self.abort(why, Some(self.own.phase_s + ahead_s));
         true
     }
@@ -177,6 +179,21 @@ impl GroupMachine {
             (self.moves, self.left, self.ended) = (false, REPEATS, now);
             self.own.rate = 0.0;
         }
+    }
+
+    /// The common ramp on which the own robot ends early is over for it, whether it led to its end.
+    pub fn rest(&mut self, now: MonoTime) {
+        if self.state == GroupState::Aborting && self.moves {
+            (self.moves, self.left, self.ended) = (false, REPEATS, now);
+            self.own.rate = 0.0;
+        }
+    }
+
+    /// How long the common ramp takes from here \[s\]; none if there is none.
+    #[must_use]
+    pub fn ramp_s(&self) -> Option<f64> {
+        let rigid = self.order.coupling == Coupling::Rigid && self.order.rate_slope_s > 0.0;
+        rigid.then(|| self.pace.rate() / self.order.rate_slope_s)
     }
 
     /// Brings all robots to rest on their paths, or lets them go on as far as this one is concerned.
@@ -285,9 +302,18 @@ impl GroupMachine {
         self.run()
     }
 
-    /// On the common ramp that ends a rigid group.
+    /// On the common ramp that ends a rigid group, from the first place that any robot lets it begin:
+    /// those that are stopped one after the other come to rest at one place.
     fn ramp_down(&mut self, time_s: f64) -> Decision {
-        let from_s = self.ramp_from_s.unwrap_or_default();
+        let mut from_s = self.ramp_from_s.unwrap_or_default();
+        let named = self.partners.iter().filter_map(|partner| partner.ramp_from_s);
+        if let Some(sooner_s) = named.map(|named_s| self.near(named_s)).reduce(f64::min)
+            && sooner_s < from_s
+        {
+            from_s = sooner_s;
+            self.ramp_from_s = Some(sooner_s);
+            self.pace.fall_from(sooner_s);
+        }
         let (target, from_s) = match self.own.phase_s >= from_s {
             true => (0.0, from_s),
             false => self.target(time_s),

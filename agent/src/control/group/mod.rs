@@ -24,8 +24,9 @@
 //!   at a time instead of a place.
 //! * **Who is ahead waits.** A robot whose clock lost ticks is behind; those ahead of it go up to a
 //!   tenth slower until they are level.
-//! * A `rigid` group ends as it pauses: on one ramp from one place. A robot that cannot follow it
-//!   (fault, stop, drives off) stops as it can.
+//! * A `rigid` group ends as it pauses: on one ramp from one place, the first that any robot names; so it
+//!   does when it is stopped with L2 or L1, halted or taken over, if the ramp is within the robot's stop
+//!   time. A robot that cannot follow it (fault, L0, drives off) stops as it can.
 
 mod machine;
 mod pace;

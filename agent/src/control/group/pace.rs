@@ -28,6 +28,13 @@ impl Pace {
         self.target
     }
 
+    /// A fall that is in progress is to have begun at the phase `from_s`, if that is before where it did.
+    pub(super) fn fall_from(&mut self, from_s: f64) {
+        if let Some((start_s, _)) = &mut self.fall {
+            *start_s = start_s.min(from_s);
+        }
+    }
+
     /// Goes on for a tick of `period_s` that ends at `phase_s`, toward a `target` that counts from
     /// the phase `from_s` on.
     pub(super) fn follow(

@@ -48,6 +48,9 @@ pub struct Input {
     pub feedback: Option<Feedback>,
     /// Level of the latched stop, read from the stop gate at this tick.
     pub stop: Option<StopLevel>,
+    /// How often that gate has been opened, from 0 again after 65 535: a reset that a stop followed
+    /// before this tick.
+    pub resets: u16,
     /// Whether the step before this one panicked or could not be run.
     pub loop_error: bool,
     /// Requests in the order they came; `step` takes them all out.
@@ -66,6 +69,7 @@ impl Input {
             now,
             feedback: None,
             stop: None,
+            resets: 0,
             loop_error: false,
             requests: ArrayVec::new_const(),
             stream: ArrayVec::new_const(),

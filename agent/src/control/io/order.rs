@@ -23,6 +23,8 @@ pub struct LoopRequest {
     pub ticket: u64,
     /// The lease it is asked under.
     pub lease: Option<Uuid>,
+    /// Until when somebody waits for the answer: nothing is begun after that, though ended it is.
+    pub until: Option<MonoTime>,
     /// What is asked.
     pub order: Order,
 }
@@ -108,6 +110,8 @@ pub enum Order {
         values: Values<MAX_JOINTS>,
         /// Whether it may be set only while the robot does not move.
         restricted: bool,
+        /// Whether it may be set while a stop is latched.
+        while_stopped: bool,
     },
     /// Set a parameter of the controller.
     SetParameter {
@@ -235,6 +239,15 @@ impl FollowOrder {
 }
 
 impl Order {
+    /// Whether it brings things to an end only: never too late.
+    #[must_use]
+    pub const fn is_end(&self) -> bool {
+        matches!(
+            self,
+            Self::Halt | Self::Disable | Self::Cancel(_) | Self::Pause(_) | Self::ReleaseLease(_)
+        )
+    }
+
     /// Identity of the motion that it begins or keeps going, if it does.
     #[must_use]
     pub const fn motion_id(&self) -> Option<Uuid> {
@@ -254,6 +267,6 @@ impl LoopRequest {
     /// A request under no lease.
     #[must_use]
     pub const fn new(ticket: u64, order: Order) -> Self {
-        Self { ticket, lease: None, order }
+        Self { ticket, lease: None, until: None, order }
     }
 }

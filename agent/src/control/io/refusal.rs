@@ -161,6 +161,8 @@ pub enum Refusal {
     },
     /// The controller did not do it in time.
     ControllerTimeout,
+    /// Whoever asked had given up waiting when it came to the loop: it was not begun.
+    TooLate,
     /// The step that took the request failed: whether it was done is not known.
     StepFailed,
     /// Tools or payloads were changed meanwhile.

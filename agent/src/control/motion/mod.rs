@@ -37,9 +37,10 @@ pub(super) use delegated::DelegatedMotion;
 pub(super) use home::HomeMotion;
 pub(super) use jog::JogMotion;
 pub(super) use own::OwnMotion;
-pub(super) use ramp::Brake;
+pub(super) use ramp::{Brake, STOP_ALLOWANCE};
 pub(super) use speed::SpeedFollower;
 pub(super) use stream::StreamFollower;
+pub(super) use trajectory::TrajectoryMotion;
 pub(super) use waiting::Queued;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionState};
@@ -50,7 +51,7 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use self::queue::Remains;
-use self::trajectory::TrajectoryMotion;
+use self::ramp::Haste;
 use super::equipment::Equipment;
 use super::faults::fault;
 use super::grouping::status_of;
@@ -328,10 +329,17 @@ impl LoopState {
         let report = motion.report(status, reason, tick.period_s());
         let group = self.group_quality(motion.id);
         tick.event(LoopEvent::Motion(MotionReport { group, ..report }));
-        self.leave_group(tick.now, motion.id, end);
+        let together = match remains {
+            Remains::Braked => self.stop_together(tick, &motion, end),
+            Remains::GivenBack => None,
+        };
+        let together = together.map(|ramp_s| (motion.id, ramp_s));
+        if together.is_none() {
+            self.leave_group(tick.now, motion.id, end);
+        }
         if let Source::Trajectory(trajectory) = motion.source {
             let moves = end != End::Complete && remains == Remains::Braked;
-            self.leave_behind(tick, trajectory, moves, end.is_urgent());
+            self.leave_behind(tick, trajectory, moves, Haste { urgent: end.is_urgent(), together });
         }
         if end == End::Complete {
             self.promote(tick);
@@ -348,7 +356,7 @@ impl LoopState {
         if let Source::Trajectory(trajectory) = &motion.source {
             let braked = Source::Braked(trajectory.kind(), motion.progress(tick.period_s()));
             if let Source::Trajectory(trajectory) = std::mem::replace(&mut motion.source, braked) {
-                self.leave_behind(tick, trajectory, true, false);
+                self.leave_behind(tick, trajectory, true, Haste::default());
             }
         }
         self.decelerate(tick);

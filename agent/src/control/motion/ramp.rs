@@ -8,11 +8,16 @@
 //! stop began; otherwise the plain ramp begins, now. So whatever the path says, the robot stands
 //! after at most `T` + [`STOP_ALLOWANCE`] when a stop or a fault ended the motion, and `T` +
 //! [`CALM_ALLOWANCE`] when a person did. One that is stopped on the way to rest is hurried up.
+//!
+//! A robot of a rigid group that is stopped in motion goes on at the common pace until that is zero
+//! (`GroupMachine`), since robots that hold one thing are to brake alike; the same deadline holds, the
+//! length of the common ramp added.
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
+use uuid::Uuid;
 
-use armada_model::{JointVector, MotionLimits, MotionState, StopRamp};
+use armada_model::{JointVector, MonoTime, MotionLimits, MotionState, StopRamp};
 use armada_protocol::messages::{ActionStatus, CommandMode, StopLevel};
 
 use super::trajectory::TrajectoryMotion;
@@ -21,7 +26,7 @@ use crate::control::io::{LoopEvent, Refusal, Retired};
 use crate::control::state::{LoopState, Tick};
 
 /// How much longer than the plain ramp a stop on the path may take after a stop or a fault.
-pub(super) const STOP_ALLOWANCE: Duration = Duration::from_millis(100);
+pub(in crate::control) const STOP_ALLOWANCE: Duration = Duration::from_millis(100);
 /// The same after a cancel, a halt, a change of mode or a lost lease.
 pub(super) const CALM_ALLOWANCE: Duration = Duration::from_millis(500);
 
@@ -41,6 +46,29 @@ pub(in crate::control) struct PathBrake {
     motion: TrajectoryMotion,
     /// Ticks that are left until the robot has to stand.
     left: u64,
+    /// The group with which it comes to rest, and when that began.
+    group: Option<(Uuid, MonoTime)>,
+}
+
+/// How soon a motion that ends is to be at rest.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Haste {
+    /// After a stop or a fault.
+    pub(super) urgent: bool,
+    /// The group on whose common ramp it comes to rest, and how long that takes \[s\].
+    pub(super) together: Option<(Uuid, f64)>,
+}
+
+impl Brake {
+    /// The trajectory on which it comes to rest with this group, if it does.
+    pub(in crate::control) fn of_group(&mut self, group: Uuid) -> Option<&mut TrajectoryMotion> {
+        match self {
+            Self::OnPath(PathBrake { motion, group: Some((id, _)), .. }) if *id == group => {
+                Some(motion)
+            }
+            _ => None,
+        }
+    }
 }
 
 impl PathBrake {
@@ -81,6 +109,10 @@ impl LoopState {
     /// Brings a deadline forward that was set for a person, since now something is wrong.
     pub(in crate::control) fn hurry(&mut self, tick: &Tick<'_>) {
         if let (Some(Brake::OnPath(brake)), Some(last)) = (&mut self.ramp, self.limiter.last()) {
+            if brake.group.is_some_and(|(_, since)| since == tick.now) {
+                // By what is wrong now it was given its time.
+                return;
+            }
             let ticks = ramp_ticks(&last.velocity, &self.limits, tick.params.period);
             brake.left = brake.left.min(ticks + allowance(true, tick.params.period));
         }
@@ -93,7 +125,7 @@ impl LoopState {
         tick: &mut Tick<'_>,
         mut motion: TrajectoryMotion,
         moves: bool,
-        hurry: bool,
+        haste: Haste,
     ) {
         let period = tick.params.period;
         if let Some(exit) = &motion.course.exit {
@@ -102,11 +134,19 @@ impl LoopState {
         }
         let last = self.limiter.last().filter(|_| moves && self.ramp.is_none());
         let last = last.filter(|last| last.velocity.iter().any(|&velocity| velocity != 0.0));
+        let period_s = period.as_secs_f64();
+        let brakes = |motion: &mut TrajectoryMotion| match haste.together {
+            Some(_) => motion.has_path(&self.limits, period_s),
+            None => motion.stop(&self.limits, period_s),
+        };
         match last {
-            Some(last) if motion.stop(&self.limits, period.as_secs_f64()) => {
+            Some(last) if brakes(&mut motion) => {
                 let ticks = ramp_ticks(&last.velocity, &self.limits, period);
-                let left = ticks + allowance(hurry, period);
-                self.ramp = Some(Brake::OnPath(PathBrake { motion, left }));
+                let common_s = haste.together.map_or(0.0, |(_, ramp_s)| ramp_s);
+                let common = (common_s / period_s).ceil() as u64;
+                let left = ticks + allowance(haste.urgent, period) + common;
+                let group = haste.together.map(|(id, _)| (id, tick.now));
+                self.ramp = Some(Brake::OnPath(PathBrake { motion, left, group }));
             }
             _ => give_back(tick, motion),
         }

@@ -259,6 +259,11 @@ impl TrajectoryMotion {
         self.has_begun() && self.path(limits, period_s).map(OnPath::stop).is_some()
     }
 
+    /// Whether it is in motion on a path, which it is put on if it was not yet.
+    pub(super) fn has_path(&mut self, limits: &MotionLimits, period_s: f64) -> bool {
+        self.has_begun() && self.path(limits, period_s).is_some()
+    }
+
     /// The next state of a motion that was stopped, and whether it rests there.
     pub(super) fn stopping(&mut self, period_s: f64) -> Option<(MotionState, bool)> {
         let Pace::Path(path) = &mut self.pace else { return None };

@@ -138,7 +138,12 @@ fn what_commands_needs_the_lease_and_what_ends_motion_does_not() {
             load: None,
             replaces: 0,
         }),
-        Order::SetSignal { signal: 0, values: Values::EMPTY, restricted: false },
+        Order::SetSignal {
+            signal: 0,
+            values: Values::EMPTY,
+            restricted: false,
+            while_stopped: false,
+        },
         Order::SetParameter { parameter: 0, value: 0.0, restricted: false },
     ];
     for order in commanding {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use armada_model::{JointLimits, JointVector, Pose, RobotModel};
-use armada_protocol::messages::{CommandMode, LeaseLoss, MotionKind, Queue};
+use armada_protocol::messages::{CommandMode, LeaseLoss, MotionKind, Queue, StopLevel};
 
 use super::rig::{JOINTS, Rig, joints, params};
 use crate::control::{
@@ -149,7 +149,31 @@ fn equipment_stays_while_the_robot_moves_and_if_it_was_changed_meanwhile() {
 
 fn set_signal(signal: u8, values: &[f64], restricted: bool) -> Order {
     let values = Values::from_slice(values).expect("few values");
-    Order::SetSignal { signal, values, restricted }
+    Order::SetSignal { signal, values, restricted, while_stopped: false }
+}
+
+#[test]
+fn a_stop_keeps_outputs_as_they_are_but_for_those_that_are_for_it() {
+    let lamp = |rig: &mut Rig| {
+        let values = Values::from_slice(&[1.0]).expect("one value");
+        rig.order(Order::SetSignal { signal: 0, values, restricted: false, while_stopped: true })
+    };
+    let mut rig = rig();
+    rig.plant.obeys_after = None;
+    let on_the_way = rig.order(set_signal(1, &[0.5, 0.25], false));
+    let lit = lamp(&mut rig);
+    rig.ticks(2);
+    rig.plant.obeys_after = Some(5);
+    rig.stop = Some(StopLevel::L2);
+    rig.tick();
+    let stopped = Some(Err(Refusal::Stopped(StopLevel::L2)));
+    assert_eq!(rig.answer(on_the_way), stopped);
+    assert_eq!(rig.ask(set_signal(1, &[0.5, 0.25], false)).err(), stopped.and_then(Result::err));
+    rig.until("the lamp", |rig| rig.answer(lit).is_some());
+    assert!(rig.answer(lit).expect("waited for").is_ok());
+    rig.ticks(100);
+    let shown = rig.last.as_ref().expect("a tick").snapshot.signals;
+    assert_eq!(shown.as_slice(), [1.0, 0.0, 0.0]);
 }
 
 #[test]

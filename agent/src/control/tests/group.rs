@@ -4,13 +4,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use armada_model::{CompiledTrajectory, JointVector};
-use armada_protocol::messages::{ActionStatus, CommandMode, Coupling, LeaseLoss, StopLevel};
+use armada_protocol::messages::{
+    ActionStatus, CommandMode, Coupling, LeaseLoss, StopLevel, StopStage,
+};
 use uuid::Uuid;
 
 use super::rig::{PERIOD, Rig, joints, params, trajectory};
 use crate::control::{
-    FollowOrder, GroupOrder, GroupWord, MotionReport, Order, Params, PartnerFault, Refusal, Say,
-    Word,
+    FollowOrder, GroupOrder, GroupWord, LoopEvent, MotionReport, Order, Params, PartnerFault,
+    Refusal, Say, Word,
 };
 
 use ActionStatus::{Cancelled, Complete, Failed, Paused, Running};
@@ -18,6 +20,8 @@ use Coupling::{Independent, Rigid, TimeSynced};
 
 const END: [f64; 3] = [0.6, 0.3, 0.6];
 const MOTION: u128 = 5;
+/// How long the common ramp of a group takes: from full rate at its slope.
+const COMMON_S: f64 = 0.5;
 
 fn path() -> Arc<CompiledTrajectory> {
     trajectory(&[(0.0, [0.0; 3]), (1.5, [0.4, 0.05, 0.3]), (3.0, END)])
@@ -376,6 +380,9 @@ fn a_partner_that_is_not_heard_ends_the_motion_in_time() {
 fn a_stop_of_one_is_its_own_at_once_and_ends_the_other() {
     for coupling in [Independent, TimeSynced, Rigid] {
         let mut pair = Pair::under_way(coupling);
+        if coupling == Rigid {
+            pair.rigs[0].watch.common_s = COMMON_S;
+        }
         pair.rigs[0].stop = Some(StopLevel::L1);
         pair.tick();
         assert_eq!(pair.rigs[0].ended(MOTION).expect("at once").status, Failed);
@@ -383,6 +390,108 @@ fn a_stop_of_one_is_its_own_at_once_and_ends_the_other() {
         assert_eq!(fault(&ends[1]), Some(PartnerFault::Aborted), "{coupling:?}");
         pair.until("rest", Pair::rest);
     }
+}
+
+/// A rigid pair under way, the second with less acceleration than the first.
+fn unequal_pair() -> Pair {
+    let mut pair = Pair::committed_after(Rigid, |index, rig| {
+        if index == 1 {
+            let mut slow = params();
+            for joint in &mut slow.limits {
+                joint.acceleration = joint.acceleration.map(|most| 0.5 * most);
+            }
+            *rig = Rig::in_mode_with(slow, CommandMode::Trajectory);
+        }
+    });
+    pair.ticks(225);
+    for rig in &mut pair.rigs {
+        rig.watch.common_s = COMMON_S;
+    }
+    pair
+}
+
+#[test]
+fn a_stop_of_one_or_both_brings_a_rigid_pair_to_rest_at_one_place() {
+    for level in [StopLevel::L2, StopLevel::L1] {
+        for later in [Some(0), Some(1), Some(3), None] {
+            let mut pair = unequal_pair();
+            pair.rigs[0].stop = Some(level);
+            if let Some(ticks) = later {
+                pair.ticks(ticks);
+                pair.rigs[1].stop = Some(level);
+            }
+            pair.tick();
+            let end = pair.rigs[0].ended(MOTION).expect("at once");
+            assert_eq!((end.status, end.reason), (Failed, Some(Refusal::Stopped(level))));
+            assert_eq!(pair.rigs[0].stages(), [StopStage::Commanded], "it brakes in this tick");
+            pair.until("rest", Pair::rest);
+            let [first, second] = [0, 1].map(|index| sent(&pair.rigs[index]));
+            let apart = first.max_abs_difference(&second);
+            assert!(apart < 1e-3, "{level:?} {later:?}: {apart}");
+            assert!(first.max_abs_difference(&joints([0.0; 3])) > 0.05, "they were in motion");
+            pair.ticks(200);
+            assert!(pair.rest(), "nothing moves any more");
+            let raised = |event: &LoopEvent| matches!(event, LoopEvent::StopRaised(_));
+            assert!(pair.rigs.iter().all(|rig| !rig.events.iter().any(raised)), "it is in time");
+        }
+    }
+}
+
+#[test]
+fn whatever_ends_a_part_that_is_no_fault_brings_a_rigid_pair_to_rest_at_one_place() {
+    let ends: [fn(&mut Rig); 2] = [
+        |rig| {
+            rig.order(Order::Halt);
+        },
+        |rig| {
+            rig.order(Order::Cancel(Uuid::from_u128(MOTION)));
+        },
+    ];
+    for (index, end) in ends.iter().enumerate() {
+        let mut pair = unequal_pair();
+        end(&mut pair.rigs[0]);
+        pair.ticks(3);
+        pair.until("rest", Pair::rest);
+        let apart = sent(&pair.rigs[0]).max_abs_difference(&sent(&pair.rigs[1]));
+        assert!(apart < 1e-3, "{index}: {apart}");
+        let statuses = pair.end().map(|end| end.status);
+        assert!(!statuses.contains(&Complete), "{index}: {statuses:?}");
+    }
+}
+
+#[test]
+fn a_stop_that_the_common_ramp_would_make_too_long_takes_the_own_one() {
+    let mut pair = unequal_pair();
+    for rig in &mut pair.rigs {
+        rig.watch.common_s = 0.0;
+        rig.params.stop_time = Duration::from_millis(600);
+        rig.stop = Some(StopLevel::L2);
+    }
+    pair.until("rest", Pair::rest);
+    let apart = sent(&pair.rigs[0]).max_abs_difference(&sent(&pair.rigs[1]));
+    assert!(apart > 3e-3, "each brakes as hard as it can: {apart}");
+}
+
+#[test]
+fn a_harder_stop_on_the_common_ramp_takes_the_own_one_and_the_hardest_none() {
+    let mut pair = unequal_pair();
+    pair.rigs[0].stop = Some(StopLevel::L2);
+    pair.ticks(5);
+    pair.rigs[0].watch.common_s = 0.0;
+    pair.rigs[0].stop = Some(StopLevel::L1);
+    let began = pair.rigs[0].now;
+    pair.until("rest", |pair| pair.rigs[0].command_rests());
+    let took = pair.rigs[0].now.saturating_since(began);
+    assert!(took < Duration::from_millis(300), "{took:?}");
+    let mut pair = unequal_pair();
+    pair.rigs[0].stop = Some(StopLevel::L2);
+    pair.ticks(5);
+    pair.rigs[0].stop = Some(StopLevel::L0);
+    pair.tick();
+    assert_eq!(pair.rigs[0].last.as_ref().expect("a tick").command, None);
+    pair.ticks(300);
+    let is_over = |rig: &Rig| rig.last.as_ref().is_some_and(|tick| tick.snapshot.group.is_none());
+    assert!(pair.rigs.iter().all(|rig| is_over(rig)), "nobody waits for it");
 }
 
 #[test]

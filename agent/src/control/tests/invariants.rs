@@ -1,13 +1,21 @@
 //! The invariants of stops that one loop can show, by their numbers in the specification.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use armada_protocol::messages::{CommandMode, FaultCode, Queue, StopLevel, StopStage};
+use armada_model::{CompiledTrajectory, MAX_JOINTS, Twist};
+use armada_protocol::messages::{
+    CommandMode, Coupling, FaultCode, HomeMethod, JogFrame, Queue, StopLevel, StopStage,
+};
 use uuid::Uuid;
 
-use super::rig::{PERIOD, Rig, follow, jog, joints, params, queued, trajectory};
-use crate::control::{LoopEvent, Order, Params, Refusal};
-use crate::drivers::{DriverRequest, Values};
+use super::rig::{JOINTS, PERIOD, Rig, follow, jog, joints, params, queued, trajectory};
+use super::stream;
+use crate::control::{
+    FollowOrder, GroupOrder, HomeOrder, JogCartesianOrder, JogJointOrder, LoopEvent, MAX_CHAINS,
+    Order, Params, Refusal, TwistTarget,
+};
+use crate::drivers::{DriverRequest, JointSet, Values};
 
 use CommandMode::{Halt, InvalidState, Jog, PositionCommand, Trajectory, VelocityCommand};
 use StopLevel::{L0, L1, L2};
@@ -104,9 +112,72 @@ fn invariant_05_no_way_to_move_is_open_while_a_stop_is_latched() {
                 let what = format!("{order:?}");
                 assert_eq!(rig.ask(order), Err(Refusal::Stopped(level)), "{mode:?}: {what}");
             }
+            // Whatever else forbids these as well.
+            for order in other_ways(&rig, &path) {
+                let what = format!("{order:?}");
+                assert!(rig.ask(order).is_err(), "{mode:?}: {what}");
+            }
             let before = rig.plant.position;
             rig.ticks(50);
             assert_eq!(rig.plant.position, before);
+            let begun = |asked: &DriverRequest| {
+                !matches!(asked, DriverRequest::Disable | DriverRequest::StopMotion)
+            };
+            assert!(!rig.plant.asked.iter().any(begun), "{mode:?}: {:?}", rig.plant.asked);
+        }
+    }
+}
+
+fn other_ways(rig: &Rig, path: &Arc<CompiledTrajectory>) -> Vec<Order> {
+    let mut twists = [None; MAX_CHAINS];
+    twists[0] = Some(TwistTarget { chain: 0, twist: Twist::ZERO, frame: JogFrame::Base });
+    let mut groups = [JointSet::NONE; MAX_JOINTS];
+    groups[0] = JointSet::first(JOINTS);
+    let (timeout, renews) = (Duration::from_millis(100), false);
+    let joint_velocity = joints([0.1; JOINTS]);
+    let partners = GroupOrder {
+        coupling: Coupling::TimeSynced,
+        partners: 1,
+        loss: Duration::from_millis(60),
+        max_divergence_s: 0.05,
+        rate_slope_s: 2.0,
+    };
+    let id = Uuid::from_u128;
+    vec![
+        Order::JogJoint(JogJointOrder { id: id(3), joint_velocity, timeout, renews }),
+        Order::JogCartesian(JogCartesianOrder { id: id(4), twists, timeout, renews }),
+        Order::Home(HomeOrder { id: id(5), groups, method: HomeMethod::MoveToHome }),
+        queued(6, path, Queue::Append),
+        Order::Follow(FollowOrder {
+            start: Some(rig.now + Duration::from_millis(100)),
+            group: Some(partners),
+            ..FollowOrder::at_once(id(7), Arc::clone(path))
+        }),
+        Order::Resume(id(1)),
+        Order::SetSignal {
+            signal: 0,
+            values: Values::from_slice(&[1.0]).expect("one value"),
+            restricted: false,
+            while_stopped: false,
+        },
+    ]
+}
+
+#[test]
+fn invariant_05_no_sample_of_a_stream_is_followed_while_a_stop_is_latched() {
+    for level in LEVELS {
+        for (mode, values) in [
+            (PositionCommand, stream::position([0.1; JOINTS])),
+            (VelocityCommand, stream::velocity([0.1; JOINTS])),
+        ] {
+            let mut rig = stream::streaming(mode);
+            rig.stop = Some(level);
+            for _ in 0..50 {
+                // Of the newest epoch, under the lease that was held.
+                stream::send(&mut rig, values);
+            }
+            assert_eq!(rig.plant.position, joints([0.0; JOINTS]), "{level:?} {mode:?}");
+            assert!(rig.last.as_ref().expect("a tick").snapshot.stream.is_none());
         }
     }
 }

@@ -2,7 +2,7 @@ use armada_model::JointVector;
 use armada_protocol::messages::{ActionStatus, CommandMode, MotionKind, RobotFlags};
 use uuid::Uuid;
 
-use super::rig::{Rig, jog, joints};
+use super::rig::{PERIOD, Rig, jog, joints};
 use crate::control::{JogOrder, Order, Refusal};
 
 use ActionStatus::{Cancelled, Complete, Running};
@@ -12,6 +12,25 @@ fn order(goal: &[f64], speed: &[f64]) -> Order {
     let vector = |values| JointVector::from_slice(values).expect("finite");
     let (joint_position, max_velocity) = (vector(goal), vector(speed));
     Order::Jog(JogOrder { id: Uuid::from_u128(1), joint_position, max_velocity })
+}
+
+#[test]
+fn what_nobody_waits_for_any_more_is_not_begun_but_it_is_ended() {
+    let mut rig = Rig::in_mode(Jog);
+    let until = rig.now + PERIOD * 2;
+    let in_time = rig.order_until(until, jog(1, [0.5, 0.0, 0.0]));
+    rig.tick();
+    assert!(rig.answer(in_time).expect("at once").is_ok());
+    let late = rig.order_until(until, jog(2, [0.0; 3]));
+    let mode = rig.order_until(until, Order::SetMode(CommandMode::Halt));
+    rig.late_tick(5);
+    assert_eq!([late, mode].map(|ticket| rig.answer(ticket)), [Some(Err(Refusal::TooLate)); 2]);
+    assert_eq!((rig.mode(), rig.statuses(2)), (Jog, vec![]));
+    let halt = rig.order_until(until, Order::Halt);
+    rig.tick();
+    assert!(rig.answer(halt).expect("at once").is_ok());
+    assert_eq!(rig.mode(), CommandMode::Halt);
+    rig.finish();
 }
 
 #[test]

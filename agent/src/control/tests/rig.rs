@@ -96,11 +96,13 @@ pub(super) fn trajectory_with(
 
 /// What was sent before, to judge what is sent now.
 #[derive(Default)]
-struct Watch {
+pub(super) struct Watch {
     sent: Option<(JointVector, JointVector)>,
     epoch: u64,
     /// Ticks that are left until a stopped robot has to stand.
     stop_ticks: Option<f64>,
+    /// How much longer it may take because it stops together with others \[s\].
+    pub(super) common_s: f64,
     open: HashSet<u64>,
     motions: HashMap<Uuid, Option<ActionStatus>>,
     pub(super) most_events: usize,
@@ -113,6 +115,7 @@ pub(super) struct Rig {
     pub(super) now: MonoTime,
     pub(super) plant: Plant,
     pub(super) stop: Option<StopLevel>,
+    pub(super) resets: u16,
     pub(super) loop_error: bool,
     pub(super) events: Vec<LoopEvent>,
     pub(super) retired: Vec<Arc<CompiledTrajectory>>,
@@ -125,7 +128,7 @@ pub(super) struct Rig {
     pub(super) words: Vec<GroupWord>,
     requests: Vec<LoopRequest>,
     tickets: u64,
-    watch: Watch,
+    pub(super) watch: Watch,
 }
 
 impl Rig {
@@ -142,6 +145,7 @@ impl Rig {
             now: MonoTime::from_nanos(1_000_000_000),
             plant: Plant::new(joints([0.0; JOINTS])),
             stop: None,
+            resets: 0,
             loop_error: false,
             events: Vec::new(),
             retired: Vec::new(),
@@ -183,6 +187,15 @@ impl Rig {
         self.watch.open.insert(self.tickets);
         self.requests.push(LoopRequest { lease, ..LoopRequest::new(self.tickets, order) });
         self.tickets
+    }
+
+    /// As [`Self::order`], by somebody who waits until an instant.
+    pub(super) fn order_until(&mut self, until: MonoTime, order: Order) -> u64 {
+        let ticket = self.order(order);
+        if let Some(last) = self.requests.last_mut() {
+            last.until = Some(until);
+        }
+        ticket
     }
 
     /// Orders and runs one tick; the answer must come in it.
@@ -259,6 +272,7 @@ impl Rig {
             now: self.now,
             feedback: self.plant.feedback(self.now),
             stop: self.stop,
+            resets: self.resets,
             loop_error: self.loop_error,
             requests: self.requests.drain(..count).collect::<ArrayVec<_, MAX_REQUESTS>>(),
             stream: self.samples.drain(..waiting).collect::<ArrayVec<_, MAX_SAMPLES>>(),
@@ -461,7 +475,7 @@ impl Watch {
             let times = joints.map(|(v, limits)| v.abs() / limits.acceleration.expect("given"));
             times.fold(0.0, f64::max) / params.period.as_secs_f64()
         };
-        let allowance = 0.1 / params.period.as_secs_f64();
+        let allowance = (0.1 + self.common_s) / params.period.as_secs_f64();
         let left = self.stop_ticks.unwrap_or_else(|| ramp(before).ceil() + allowance);
         let left = (left - 1.0).max(0.0);
         assert!(ramp(velocity) <= left + 1e-6, "{} ticks to rest, {left} left", ramp(velocity));

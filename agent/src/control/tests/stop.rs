@@ -310,6 +310,31 @@ fn clearing_a_stop_moves_nothing_and_enables_nothing() {
 }
 
 #[test]
+fn a_stop_right_after_a_reset_is_a_stop_of_its_own() {
+    for again in [L2, L1] {
+        let mut rig = moving();
+        rig.stop = Some(L1);
+        rig.until("drives off", |rig| rig.stages().contains(&DrivesOff));
+        let epoch = rig.epoch();
+        rig.events.clear();
+        // Reset and stopped again between two ticks.
+        (rig.stop, rig.resets) = (Some(again), rig.resets.wrapping_add(1));
+        rig.tick();
+        assert!(rig.events.contains(&LoopEvent::StopCleared));
+        assert_eq!(rig.epoch(), epoch + 2);
+        rig.until("standstill anew", |rig| rig.stages().contains(&Standstill));
+        let cleared = rig.events.iter().filter(|event| **event == LoopEvent::StopCleared);
+        assert_eq!(cleared.count(), 1);
+        rig.stop = None;
+        rig.resets = rig.resets.wrapping_add(1);
+        rig.tick();
+        let cleared = rig.events.iter().filter(|event| **event == LoopEvent::StopCleared);
+        assert_eq!(cleared.count(), 2);
+        assert_eq!(rig.mode(), Halt);
+    }
+}
+
+#[test]
 fn a_stop_that_is_cleared_during_its_ramp_ramps_to_the_end() {
     let mut rig = moving();
     rig.stop = Some(L2);

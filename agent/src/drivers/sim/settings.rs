@@ -35,6 +35,9 @@ pub struct SignalConfig {
     /// Number of values of a port, 1 to 16; the other types have one of their own.
     #[serde(default)]
     pub size: Option<u8>,
+    /// Whether an output may be written while a stop is latched, such as a lamp; false by default.
+    #[serde(default)]
+    pub while_stopped: bool,
     /// For people.
     #[serde(default)]
     pub description: String,
@@ -136,6 +139,7 @@ impl SignalConfig {
             min: analog.then_some(0.0),
             max: analog.then_some(10.0),
             size: None,
+            while_stopped: false,
             description: String::new(),
         }
     }
@@ -171,6 +175,7 @@ impl SignalConfig {
             min: self.min,
             max: self.max,
             size: self.size(),
+            while_stopped: self.while_stopped,
             description: self.description.clone(),
         }
     }

@@ -73,9 +73,11 @@ impl Desk {
             return;
         }
         let words: Vec<_> = more.iter().map(|(what, count)| format!("{count} {what}")).collect();
-        let message = format!("commands were dropped: {}", words.join(", "));
+        let holder = self.board.lock().leases.holder().map(|holder| holder.name.clone());
+        let driven = holder.as_ref().map_or_else(String::new, |name| format!("; {name} drives"));
+        let message = format!("commands were dropped: {}{driven}", words.join(", "));
         warn!(?more, "commands were dropped");
-        let details = map(json!({ "dropped": more }));
+        let details = map(json!({ "dropped": more, "holder": holder }));
         self.event(now, Severity::Warning, EventKind::Denied, message, details).await;
     }
 }

@@ -255,9 +255,10 @@ impl Requests {
         patience: Duration,
     ) -> Result<Granted, Denial> {
         let (ticket, answered) = self.board.lock().take_ticket();
+        let until = Some(monotonic() + patience);
         let pushed = {
             let mut orders = self.orders.lock().unwrap_or_else(PoisonError::into_inner);
-            orders.push(LoopRequest { ticket, lease: asker.lease, order }).is_ok()
+            orders.push(LoopRequest { ticket, lease: asker.lease, until, order }).is_ok()
         };
         if !pushed {
             self.board.lock().tickets.remove(&ticket);

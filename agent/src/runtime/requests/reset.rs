@@ -8,12 +8,16 @@
 //! A crash in between leaves an agent that died, which is a stop by itself. It moves nothing and
 //! enables nothing.
 
-use armada_protocol::messages::{Denial, DenialCode, ResetAnswer, ResetParams};
+use armada_protocol::messages::{
+    Denial, DenialCode, EventKind, ResetAnswer, ResetParams, Severity,
+};
+use serde_json::Value;
 use uuid::Uuid;
 
 use super::{Asker, LOOP_PATIENCE, Requests};
 use crate::runtime::board::Board;
 use crate::runtime::clock::monotonic;
+use crate::runtime::desk::Remark;
 
 /// A reset that was granted, while it becomes durable.
 struct Granted {
@@ -23,7 +27,11 @@ struct Granted {
 }
 
 impl Requests {
-    pub(super) async fn reset(&self, _: Asker, params: ResetParams) -> Result<ResetAnswer, Denial> {
+    pub(super) async fn reset(
+        &self,
+        asker: Asker,
+        params: ResetParams,
+    ) -> Result<ResetAnswer, Denial> {
         let _one_at_a_time = self.resetting.lock().await;
         let mut cleared_count = self.cleared.clone();
         cleared_count.mark_unchanged();
@@ -34,12 +42,24 @@ impl Requests {
         let durable = tokio::time::timeout(LOOP_PATIENCE, self.keeper.durable(granted.kept)).await;
         let durable = durable.unwrap_or_else(|_| Err("the disk does not answer".to_owned()));
         self.open_gate(&granted, durable)?;
+        self.say_who_reset(&asker, &granted.cleared);
         let waited = tokio::time::timeout(LOOP_PATIENCE, cleared_count.changed()).await;
         if !matches!(waited, Ok(Ok(()))) {
             return Err(Denial::new(DenialCode::Timeout, "the control loop does not answer"));
         }
         let epoch = self.board.lock().snapshot.epoch;
         Ok(ResetAnswer { cleared: granted.cleared, epoch })
+    }
+
+    fn say_who_reset(&self, asker: &Asker, cleared: &[Uuid]) {
+        let ids = cleared.iter().map(|id| Value::from(id.to_string())).collect();
+        let details = [("client", Value::from(asker.client.as_str())), ("stop_ids", ids)];
+        self.tell(Remark {
+            severity: Severity::Info,
+            kind: EventKind::Reset,
+            message: format!("{} resets {} stops", asker.client, cleared.len()),
+            details: details.map(|(name, value)| (name.to_owned(), value)).into_iter().collect(),
+        });
     }
 
     /// Checks the reset and has a file without the latch written; `None` if nothing is latched. Its

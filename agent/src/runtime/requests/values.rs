@@ -62,7 +62,8 @@ impl Requests {
             Denial::new(DenialCode::TooLarge, format!("{} values", numbers.len()))
         })?;
         let signal = u8::try_from(index).unwrap_or(u8::MAX);
-        let order = Order::SetSignal { signal, values, restricted };
+        let while_stopped = info.while_stopped;
+        let order = Order::SetSignal { signal, values, restricted, while_stopped };
         self.ask(&asker, order, self.patience()).await?;
         self.say_what_was_set(&asker, &params);
         self.read_signal(index, info)

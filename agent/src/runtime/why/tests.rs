@@ -2,7 +2,7 @@
 
 use armada_protocol::messages::{
     ClearBy, ControllerState, Executor, LatchedStop, LoopStatistics, MotionKind, MotionStatus,
-    OperationalMode, ResetNeeds, Role, StopLatch, StopLevel, StopSourceStatus, StopStage,
+    OperationalMode, ResetNeeds, Role, StopLevel, StopSourceStatus,
 };
 
 use super::*;
@@ -159,7 +159,7 @@ rows! {
         Some("planner"), true,
         "wait for its end, or: armada halt left_arm";
     Waiting: |s| s.motion = Some(motion(ActionStatus::Paused)),
-        "motion 00000000-0000-0000-0000-000000000000 of planner is paused", Some("planner"), true,
+        "motion 00000000-0000-0000-0000-000000000000 of planner is paused", Some("planner"), false,
         "resume or cancel the motion, or wait for its start";
     DegradedLink: |s| s.stream = Some(stream(true, 1.0)),
         "the stream starves: no sample for 61 ms", None, false,
@@ -189,6 +189,25 @@ fn every_reason_is_told_with_who_and_since_when_and_what_to_do() {
         assert_eq!(first.since_ns, has_since.then_some(STAMP), "{code:?}");
         assert_eq!(next(&status, &known()).first().map(String::as_str), Some(step), "{code:?}");
     }
+}
+
+#[test]
+fn a_reason_without_a_time_is_dated_from_when_it_was_first_told() {
+    let at = MonoTime::from_nanos;
+    let mut told = FirstTold::default();
+    let mut dated = |status: &RobotStatus, now: u64| {
+        let mut reasons = why(status, &known());
+        told.date(&mut reasons, at(now));
+        reasons.iter().map(|why| (why.code, why.since_ns)).collect::<Vec<_>>()
+    };
+    let mut off = calm();
+    off.flags = RobotFlags::NONE;
+    assert_eq!(dated(&off, 100), [(WhyCode::DrivesOff, Some(at(100)))]);
+    let off_and_stopped = RobotStatus { stop: Some(stop()), ..off.clone() };
+    let expected = [(WhyCode::Stopped, Some(STAMP)), (WhyCode::DrivesOff, Some(at(100)))];
+    assert_eq!(dated(&off_and_stopped, 200), expected);
+    assert_eq!(dated(&calm(), 300), [(WhyCode::Halted, Some(at(300)))]);
+    assert_eq!(dated(&off, 400), [(WhyCode::DrivesOff, Some(at(400)))]);
 }
 
 #[test]
@@ -234,6 +253,14 @@ fn a_stop_that_is_acknowledged_at_the_arm_says_so() {
     status.stop = Some(StopLatch { reset, ..stop() });
     let step = next(&status, &known()).remove(0);
     assert!(step.starts_with("acknowledge it at the arm, see that it is safe"), "{step}");
+}
+
+#[test]
+fn a_reset_that_would_be_refused_yet_is_not_advised_before_its_time() {
+    let mut status = calm();
+    status.stop = Some(StopLatch { stage: StopStage::Commanded, ..stop() });
+    let step = next(&status, &known()).remove(0);
+    assert!(step.starts_with("wait until it is measured to stand still, see that"), "{step}");
 }
 
 #[test]

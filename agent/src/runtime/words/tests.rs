@@ -84,6 +84,7 @@ refusals! {
     Refusal::NoSuchChain { .. } => Refusal::NoSuchChain { chain: 4 }, InvalidArgument;
     Refusal::ControllerRefused { .. } => Refusal::ControllerRefused { code: 12 }, DriverError;
     Refusal::ControllerTimeout => Refusal::ControllerTimeout, Timeout;
+    Refusal::TooLate => Refusal::TooLate, Timeout;
     Refusal::StepFailed => Refusal::StepFailed, Internal;
     Refusal::EquipmentChanged { .. } =>
         Refusal::EquipmentChanged { given: 1, current: 2 }, StaleModel;

@@ -49,11 +49,14 @@ pub(crate) async fn run(args: EventsArgs) -> anyhow::Result<Exit> {
             }
             event = gateway.next() => (None, event?.1),
         };
-        let wanted = args.robots.is_empty()
-            || event.robot.as_ref().is_some_and(|robot| args.robots.contains(robot));
-        print(&event, from, &mut seen, wanted.then_some(&out))?;
+        print(&event, from, &mut seen, is_about(&event, &args.robots).then_some(&out))?;
     }
     Ok(Exit::Success)
+}
+
+/// Whether an event is about one of these robots; with none named every event is wanted.
+fn is_about(event: &Event, robots: &[RobotName]) -> bool {
+    robots.is_empty() || event.robot.as_ref().is_some_and(|robot| robots.contains(robot))
 }
 
 /// Whether the gateway passes on what a robot has told, which is heard from the robot itself.
@@ -192,6 +195,15 @@ mod tests {
         assert_eq!(seen.take(None, &passed_on), Order::Next);
         assert_eq!(seen.take(None, &event(8)), Order::Next);
         assert_eq!(seen.take(torso(), &event(4)), Order::Next);
+    }
+
+    #[test]
+    fn those_who_ask_for_robots_are_told_of_these_only_whoever_tells_it() {
+        let of_gateway = Event { robot: None, ..event(1) };
+        let other: RobotName = "left_arm".parse().expect("a name");
+        let asked = [other, torso().expect("named")];
+        assert!(is_about(&event(1), &asked) && !is_about(&event(1), &asked[..1]));
+        assert!(!is_about(&of_gateway, &asked) && is_about(&of_gateway, &[]));
     }
 
     #[test]

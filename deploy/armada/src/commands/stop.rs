@@ -84,6 +84,8 @@ pub(crate) struct Outcome {
     report: StopReport,
     /// Every stage of every robot, in the order of the robots and stages.
     ladder: Vec<StopAck>,
+    /// Whether it is known which robots the scope has; else those count that were found.
+    scope_is_known: bool,
 }
 
 /// Stops, and prints how far each robot has come.
@@ -117,10 +119,12 @@ pub(crate) async fn stop(
 ) -> Result<Outcome, ClientError> {
     let acks = client.subscribe::<StopAck>(&keys::ROBOT_STOP_ACK.any(), 256).await?;
     let stop_id = request.stop_id;
+    let is_told = request.scope != StopScope::Cell || !address.robots.is_empty();
     let options = StopOptions { expected: address.robots.clone(), timeout: limit };
     let report = client.stop(request, options).await?;
     let ladder = ladder(stop_id, &acks, &report);
-    Ok(Outcome { report, ladder })
+    let scope_is_known = is_told || client.cell_info().await.is_ok();
+    Ok(Outcome { report, ladder, scope_is_known })
 }
 
 fn ladder(stop_id: Uuid, acks: &Subscription<StopAck>, report: &StopReport) -> Vec<StopAck> {
@@ -177,6 +181,11 @@ impl Outcome {
 
     fn verdict(&self) -> String {
         match self.report.verdict {
+            StopVerdict::Complete if !self.scope_is_known => {
+                "complete for the robots that were found: they stand still, by measurement; which \
+                 others the cell has is not known without its gateway: give --cell FILE"
+                    .to_owned()
+            }
             StopVerdict::Complete => {
                 "complete: every robot in scope stands still, by measurement; `armada reset` when \
                  it is safe to go on"
@@ -226,7 +235,7 @@ mod tests {
         ];
         let missing = missing.iter().map(|name| name.parse().expect("a name")).collect();
         let report = StopReport { stop_id: Uuid::nil(), verdict, acks: vec![], missing };
-        Outcome { report, ladder }
+        Outcome { report, ladder, scope_is_known: true }
     }
 
     #[test]
@@ -255,7 +264,7 @@ mod tests {
             acks: vec![],
             missing: vec![],
         };
-        let lines = Outcome { report, ladder: vec![] }.lines();
+        let lines = Outcome { report, ladder: vec![], scope_is_known: true }.lines();
         assert_eq!(lines, ["INCOMPLETE: no robot is known, none has answered: go and look"]);
     }
 

@@ -50,9 +50,10 @@ emergency stop of a robot: where people can be hurt, press that.";
   armada stop-button --name door_1                        keys: space presses, r releases, q ends
   read-door-switch | armada stop-button --name door_1 --stdin-level --repeat 0.2
 
-It begins pressed. With --stdin-level a line `pressed` or `released` is what a real input says;
-anything else, and the end of the input, is a press. With --repeat silence is one as well; without,
-nobody sees that the program before it hangs. When this program ends, that is a press too.")]
+It begins pressed. With --stdin-level a line `pressed` or `released` is what a real input says, said
+again all the time; anything else, silence, and the end of the input are a press. With --repeat never
+a line counts until the next one: nobody sees then that the program before it hangs. When this program
+ends, that is a press too.")]
 pub(crate) struct StopButtonArgs {
     /// Name of the source, as in the robot files
     #[arg(long, value_name = "NAME", value_parser = parse_name)]
@@ -60,9 +61,16 @@ pub(crate) struct StopButtonArgs {
     /// Follow lines `pressed` and `released` on standard input instead of keys
     #[arg(long)]
     stdin_level: bool,
-    /// With --stdin-level: a line has to come so often, else the button counts as pressed
-    #[arg(long, value_name = "SECONDS", requires = "stdin_level", value_parser = parse_repeat)]
-    repeat: Option<Duration>,
+    /// With --stdin-level: a line has to come so often, else the button counts as pressed; `never` to
+    /// let the last one count for ever
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        requires = "stdin_level",
+        value_parser = parse_repeat,
+        default_value = "0.5"
+    )]
+    repeat: Repeat,
     /// File with the key that check-ins are signed with, as in the robot files
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     key_file: Option<PathBuf>,
@@ -77,10 +85,19 @@ fn parse_name(text: &str) -> Result<String, String> {
     named.map(|_| text.to_owned()).map_err(|_| rule.to_owned())
 }
 
-fn parse_repeat(text: &str) -> Result<Duration, String> {
+/// How often a line has to come; it need not if there is no time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Repeat(Option<Duration>);
+
+fn parse_repeat(text: &str) -> Result<Repeat, String> {
+    if text == "never" {
+        return Ok(Repeat(None));
+    }
     match text.parse::<f64>() {
-        Ok(seconds) if (0.05..=10.0).contains(&seconds) => Ok(Duration::from_secs_f64(seconds)),
-        _ => Err("must be a number of seconds from 0.05 to 10".to_owned()),
+        Ok(seconds) if (0.05..=10.0).contains(&seconds) => {
+            Ok(Repeat(Some(Duration::from_secs_f64(seconds))))
+        }
+        _ => Err("must be a number of seconds from 0.05 to 10, or never".to_owned()),
     }
 }
 
@@ -122,7 +139,7 @@ pub(crate) async fn run(args: StopButtonArgs) -> anyhow::Result<Exit> {
     let key = args.key_file.as_deref().map(SigningKey::read).transpose()?;
     let mut signals = Signals::new()?;
     let client = args.cell.address()?.connect_for_stop().await?;
-    let level = Level::new(if args.stdin_level { args.repeat } else { Some(SILENT) });
+    let level = Level::new(if args.stdin_level { args.repeat.0 } else { Some(SILENT) });
     let level = Arc::new(level);
     let read = Arc::clone(&level);
     let read = move || read.is_pressed();
@@ -301,6 +318,15 @@ mod tests {
         let level = Level::new(None);
         level.set(false);
         assert!(!level.is_pressed(), "one that is said once");
+    }
+
+    #[test]
+    fn lines_have_to_be_repeated_unless_somebody_says_never() {
+        assert_eq!(parse_repeat("0.2"), Ok(Repeat(Some(Duration::from_millis(200)))));
+        assert_eq!(parse_repeat("never"), Ok(Repeat(None)));
+        for bad in ["0.01", "11", "NaN", "always", ""] {
+            assert!(parse_repeat(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]

@@ -143,10 +143,25 @@ impl Group {
             offset_s: self.envelope_s(cx),
             required_m: cx.clearance.required_m,
         };
+        self.warn_of_others(cx);
         let Phase::Preparing { deadline } = self.phase else { return };
         match cx.outbox.check(request, CheckFor::Group(self.id)) {
             Ok(()) => self.phase = Phase::Checking { deadline },
             Err(denial) => self.fail(denial, cx),
+        }
+    }
+
+    /// Says of which robots that take no part the clearance holds for where they are now only.
+    fn warn_of_others(&self, cx: &mut Context<'_>) {
+        let others = cx.robots.iter().filter(|(robot, _)| !self.parts.contains_key(*robot));
+        let moving = others.filter(|(_, record)| record.is_moving());
+        let names: Vec<&str> = moving.map(|(robot, _)| robot.as_str()).collect();
+        if !names.is_empty() {
+            let names = names.join(", ");
+            let message = format!(
+                "{names} moves by itself: its clearance from the others is known for where it is now only"
+            );
+            self.record(EventKind::Group, Severity::Warning, message, cx);
         }
     }
 

@@ -442,7 +442,8 @@ impl FakeAgent {
         }
     }
 
-    fn publish_status(&mut self) {
+    /// Tells its status as it is.
+    pub(super) fn publish_status(&mut self) {
         self.status.seqno += 1;
         self.published.push(Input::Status(Box::new(self.status.clone())));
     }

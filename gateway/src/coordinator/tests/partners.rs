@@ -216,6 +216,29 @@ fn what_is_not_clear_is_not_committed() {
 }
 
 #[test]
+fn whoever_moves_by_itself_beside_a_motion_is_named() {
+    let mut bench = Bench::new();
+    let told = |bench: &Bench| {
+        let mut events = bench.events().filter(|event| event.kind == EventKind::Group);
+        events.any(|event| event.message.starts_with("torso moves by itself"))
+    };
+    bench.execute(1, &["left", "right"]);
+    bench.run(ms(4_000));
+    assert!(!told(&bench), "it stands");
+    let torso = bench.agent("torso");
+    let text = include_str!("../../../../protocol/golden/motion_status.json");
+    let mut motion: MotionStatus = serde_json::from_str(text).expect("the golden sample");
+    motion.status = ActionStatus::Running;
+    torso.status.motion = Some(motion);
+    torso.publish_status();
+    bench.run(ms(100));
+    let ticket = bench.execute(2, &["left", "right"]);
+    bench.run(ms(1_000));
+    bench.answer(ticket);
+    assert!(told(&bench), "its clearance is known for where it is now");
+}
+
+#[test]
 fn the_check_covers_the_way_to_rest_after_a_loss() {
     let mut bench = Bench::new();
     let readiness = bench.agent("right").readiness.as_mut().expect("set");

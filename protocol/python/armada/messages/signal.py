@@ -57,6 +57,8 @@ class SignalInfo(
     """Highest value; None for digital signals."""
     size: int
     """How many values: 1, 3 for a vector, 6 for a wrench, the number of bits of a port."""
+    while_stopped: bool = False
+    """Whether it may be written while a stop is latched: a lamp, but nothing that moves."""
     description: str = ""
     """For people."""
 

@@ -210,7 +210,7 @@ impl Robot {
         if self.over {
             return;
         }
-        if self.machine.leave(Refusal::Cancelled) {
+        if self.machine.leave(Refusal::Cancelled, BEAT) {
             self.left_at = self.left_at.or(Some(tick));
         } else {
             self.end(tick, now, Some(Refusal::Cancelled));

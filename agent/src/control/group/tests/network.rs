@@ -13,7 +13,8 @@ use crate::control::{BEAT, Refusal, Say};
 enum Blow {
     Crash(usize),
     Stop(usize),
-    Leave(usize),
+    /// Ends its part, from here or from a little later.
+    Leave(usize, Duration),
     Pause(usize, bool),
     Ratio(usize, f64),
     Late(usize, u32),
@@ -33,7 +34,8 @@ fn blows(count: usize) -> impl Strategy<Value = Vec<(u32, Blow)>> {
     let blow = prop_oneof![
         1 => robot.clone().prop_map(Blow::Crash),
         1 => robot.clone().prop_map(Blow::Stop),
-        1 => robot.clone().prop_map(Blow::Leave),
+        2 => (robot.clone(), prop_oneof![Just(BEAT), Just(Duration::ZERO)])
+            .prop_map(|(robot, lead)| Blow::Leave(robot, lead)),
         6 => (robot.clone(), any::<bool>()).prop_map(|(robot, paused)| Blow::Pause(robot, paused)),
         4 => (robot.clone(), 0.05..1.0).prop_map(|(robot, ratio)| Blow::Ratio(robot, ratio)),
         4 => (robot, 1..8_u32).prop_map(|(robot, ticks)| Blow::Late(robot, ticks)),
@@ -75,9 +77,9 @@ fn strike(world: &mut World, blow: Blow) {
     match blow {
         Blow::Crash(robot) => world.robots[robot].alive = false,
         Blow::Stop(robot) => world.robots[robot].end(now, Some(Refusal::NotEnabled)),
-        Blow::Leave(robot) => {
+        Blow::Leave(robot, lead) => {
             let robot = &mut world.robots[robot];
-            if robot.ended.is_none() && !robot.machine.leave(Refusal::Cancelled) {
+            if robot.ended.is_none() && !robot.machine.leave(Refusal::Cancelled, lead) {
                 robot.end(now, Some(Refusal::Cancelled));
             }
         }

@@ -3,7 +3,7 @@ use std::time::Duration;
 use armada_protocol::messages::{Coupling, GroupState};
 
 use super::world::{GROUP, LOSS, PERIOD, World, order, perfect};
-use crate::control::{GroupMachine, GroupWord, PartnerFault, Refusal, Say, Word};
+use crate::control::{BEAT, GroupMachine, GroupWord, PartnerFault, Refusal, Say, Word};
 
 use Coupling::{Independent, Rigid, TimeSynced};
 
@@ -176,7 +176,7 @@ fn robots_that_are_too_far_apart_stop() {
 #[test]
 fn a_rigid_group_ends_on_one_ramp() {
     let mut world = under_way(Rigid, 3);
-    assert!(world.robots[1].machine.leave(Refusal::Cancelled), "it goes on for the ramp");
+    assert!(world.robots[1].machine.leave(Refusal::Cancelled, BEAT), "it goes on for the ramp");
     let from_s = world.robots[1].phase_s;
     world.until("the end", &mut perfect, |world| world.robots.iter().all(|r| r.ended.is_some()));
     let rest = world.robots.iter().map(|robot| robot.phase_s);
@@ -186,6 +186,27 @@ fn a_rigid_group_ends_on_one_ramp() {
     assert!((high - from_s - 0.27).abs() < 0.005, "{}", high - from_s);
     assert_eq!(world.robots[1].ended.expect("ended").1, Some(Refusal::Cancelled));
     assert_eq!(fault(&world, 0), Some(PartnerFault::Aborted));
+}
+
+#[test]
+fn those_that_are_stopped_one_after_the_other_rest_at_one_place() {
+    for apart in [1, 2, 5, 10] {
+        let mut world = under_way(Rigid, 3);
+        let from_s = world.robots[2].phase_s;
+        for robot in [2, 0, 1] {
+            let goes_on = world.robots[robot].machine.leave(Refusal::NotEnabled, Duration::ZERO);
+            assert!(goes_on, "the ramp is the stop");
+            world.ticks(apart, &mut perfect);
+        }
+        let all_ended = |world: &World| world.robots.iter().all(|r| r.ended.is_some());
+        world.until("the end", &mut perfect, all_ended);
+        let rest = world.robots.iter().map(|robot| robot.phase_s);
+        let (low, high) = rest.fold((9.0_f64, 0.0_f64), |(l, h), s| (l.min(s), h.max(s)));
+        // Who hears of it late cannot go back to where it should have braked.
+        let most_s = if apart > 2 { 5e-4 } else { 2e-4 };
+        assert!(high - low < most_s, "{apart}: {low} to {high}");
+        assert!((high - from_s - 0.25).abs() < 0.01, "{apart}: {}", high - from_s);
+    }
 }
 
 #[test]

@@ -41,6 +41,7 @@ fn run(pair: &mut Pair, params: &Params, state: &mut LoopState, ticks: u32) -> V
             now: pair.now,
             feedback: pair.driver.feedback().copied(),
             stop: None,
+            resets: 0,
             loop_error: false,
             requests: ArrayVec::new(),
             stream: ArrayVec::new(),

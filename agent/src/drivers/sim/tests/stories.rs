@@ -176,7 +176,7 @@ impl Cell {
         };
         if let Some(order) = order {
             let lease = self.lease.filter(|_| self.below(10) > 0);
-            input.requests.push(LoopRequest { ticket: 0, lease, order });
+            input.requests.push(LoopRequest { ticket: 0, lease, until: None, order });
         }
         if self.below(3) == 0
             && let Some(sample) = self.sample()

@@ -145,6 +145,7 @@ mod tests {
             min: range.map(|(min, _)| min),
             max: range.map(|(_, max)| max),
             size,
+            while_stopped: false,
             description: String::new(),
         }
     }
