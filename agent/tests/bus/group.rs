@@ -7,13 +7,14 @@ use std::time::Duration;
 use armada_agent::runtime::{Agent, AgentOptions, Emulation};
 use armada_model::{JointTrajectory, Waypoint};
 use armada_protocol::RobotName;
-use armada_protocol::client::{Client, ClientOptions};
+use armada_protocol::client::{Client, ClientError, ClientOptions};
 use armada_protocol::messages::*;
 use armada_protocol::method::robot::{Cancel, Commit, Pause, Prepare, Resume, SetMode};
 use tempfile::TempDir;
 use uuid::Uuid;
 
-use crate::common::{self, DEADLINE, denial, emulate, free_tcp_port};
+use crate::common::{self, DEADLINE, denial, emulate, free_tcp_port, stop_options};
+use crate::running::stop;
 
 const READY: [f64; 6] = [0.0, -FRAC_PI_2, FRAC_PI_2, -FRAC_PI_2, -FRAC_PI_2, 0.0];
 
@@ -119,14 +120,14 @@ impl Team {
     }
 
     /// Both prepared and committed to one start.
-    async fn committed(&self, coupling: Coupling) -> Uuid {
+    async fn committed(&self, coupling: Coupling) -> Result<Uuid, Denial> {
         let id = Uuid::now_v7();
         let prepared = [0, 1].map(|robot| self.prepare(robot, id, coupling));
         let [left, right] = prepared;
         let prepared = [left.await, right.await];
         let clock = self.client.robot_clock(&self.names[0]).await.expect("clock");
         // Both agents are of one machine, and so have one clock.
-        let start_ns = clock.stamp_ns + Duration::from_millis(500);
+        let start_ns = clock.stamp_ns + Duration::from_secs(2);
         for (robot, prepared) in prepared.iter().enumerate() {
             let own = self.client.robot_clock(&self.names[robot]).await.expect("clock");
             let commit = CommitParams {
@@ -135,9 +136,13 @@ impl Team {
                 start_ns,
                 rate_slope_s: prepared.group.map(|group| group.rate_slope_s),
             };
-            self.client.call::<Commit>(&self.names[robot], commit).await.expect("committed");
+            let committed = self.client.call::<Commit>(&self.names[robot], commit).await;
+            committed.map_err(|error| match error {
+                ClientError::Denied(denial) => denial,
+                error => panic!("{error}"),
+            })?;
         }
-        id
+        Ok(id)
     }
 
     /// The motion as soon as it is as expected; its reason if it ends before that.
@@ -223,7 +228,8 @@ async fn tell(share: Share, story: impl AsyncFn(&Team) -> Result<(), Denial>) {
         let told = Box::pin(story(&team)).await;
         Box::pin(team.shut_down()).await;
         let Err(reason) = told else { return };
-        let stalls = [DenialCode::Timeout, DenialCode::CommunicationLost, DenialCode::Faulted];
+        use DenialCode::{CommunicationLost, Faulted, NotReady, Timeout};
+        let stalls = [Timeout, CommunicationLost, Faulted, NotReady];
         assert!(stalls.contains(&reason.code), "{reason}");
         reasons.push(reason);
     }
@@ -231,7 +237,7 @@ async fn tell(share: Share, story: impl AsyncFn(&Team) -> Result<(), Denial>) {
 }
 
 async fn starts_and_ends(team: &Team) -> Result<(), Denial> {
-    let id = team.committed(Coupling::TimeSynced).await;
+    let id = team.committed(Coupling::TimeSynced).await?;
     let ends = team.goals(id).await?;
     let started = ends.each_ref().map(|end| end.started_ns.expect("it started"));
     let skew = started[0].saturating_since(started[1]) + started[1].saturating_since(started[0]);
@@ -257,7 +263,7 @@ async fn two_robots_of_one_agent_start_at_one_instant_and_end_at_their_goals() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_cancel_of_one_agents_part_ends_the_others_with_its_name() {
     tell(Share::Apart, async |team: &Team| {
-        let id = team.committed(Coupling::TimeSynced).await;
+        let id = team.committed(Coupling::TimeSynced).await?;
         team.motion_when(0, id, |motion| motion.elapsed_s > 0.5).await?;
         let cancel = CancelParams { motion_id: id };
         let cancelled = team.client.call::<Cancel>(&team.names[0], cancel).await;
@@ -275,10 +281,14 @@ async fn a_cancel_of_one_agents_part_ends_the_others_with_its_name() {
 }
 
 async fn rests_and_goes_on(team: &Team) -> Result<(), Denial> {
-    let id = team.committed(Coupling::TimeSynced).await;
+    let id = team.committed(Coupling::TimeSynced).await?;
     team.motion_when(0, id, |motion| motion.elapsed_s > 0.3).await?;
     let params = MotionParams { motion_id: id };
-    team.client.call::<Pause>(&team.names[1], params).await.expect("paused");
+    let paused = team.client.call::<Pause>(&team.names[1], params).await;
+    if paused.is_err() {
+        // It has ended before, for a reason that is told.
+        return team.goals(id).await.map(|_| ());
+    }
     let mut rests_s = Vec::new();
     for (robot, name) in team.names.iter().enumerate() {
         team.motion_when(robot, id, |motion| motion.status == ActionStatus::Paused).await?;
@@ -308,13 +318,41 @@ async fn a_pause_of_one_agents_part_rests_both_and_its_end_moves_both() {
     tell(Share::Apart, rests_and_goes_on).await;
 }
 
+async fn stops_as_one(team: &Team) -> Result<(), Denial> {
+    let id = team.committed(Coupling::Rigid).await?;
+    team.motion_when(0, id, |motion| motion.elapsed_s > 0.8).await?;
+    let report = team.client.stop(stop(StopLevel::L2), stop_options()).await.expect("stop");
+    assert_eq!(report.verdict, StopVerdict::Complete, "{report:?}");
+    for end in [team.end(0, id).await, team.end(1, id).await] {
+        let reason = end.reason.expect("a reason");
+        if !matches!(reason.code, DenialCode::Stopped | DenialCode::NotReady) {
+            return Err(reason);
+        }
+    }
+    let mut rest = Vec::new();
+    for name in &team.names {
+        let key = format!("robots/{name}/state");
+        let states = team.client.subscribe::<RobotState>(&key, 1).await.expect("states");
+        let next = tokio::time::timeout(DEADLINE, states.next()).await.expect("states go on");
+        rest.push(next.expect("a state").1.joint_position_command_rad[0]);
+    }
+    // What they move in 20 ms at most.
+    assert!((rest[0] - rest[1]).abs() < 0.01, "they rest at one place: {rest:?}");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_of_the_cell_brings_a_rigid_pair_to_rest_at_one_place() {
+    tell(Share::Apart, stops_as_one).await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn whoever_is_committed_alone_does_not_start() {
     let team = Box::pin(Team::start(Share::Apart)).await;
     let id = Uuid::now_v7();
     let prepared = team.prepare(0, id, Coupling::TimeSynced).await;
     team.prepare(1, id, Coupling::TimeSynced).await;
-    team.commit(0, &prepared, Duration::from_millis(200)).await;
+    team.commit(0, &prepared, Duration::from_secs(2)).await;
     let end = team.end(0, id).await;
     assert_eq!((end.status, end.started_ns), (ActionStatus::Failed, None));
     let reason = end.reason.expect("a reason");

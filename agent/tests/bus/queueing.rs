@@ -49,7 +49,7 @@ async fn execute(bench: &Bench, trajectory: JointTrajectory, queue: Queue) -> Uu
 #[tokio::test(flavor = "multi_thread")]
 async fn three_trajectories_run_through_and_the_status_tells_what_waits() {
     let bench = ready().await;
-    let first = execute(&bench, turn(0.0, 0.2, 2.0), Queue::Append).await;
+    let first = execute(&bench, turn(0.0, 0.2, 4.0), Queue::Append).await;
     let second = execute(&bench, turn(0.2, 0.4, 0.8), Queue::AppendBlended).await;
     let third = execute(&bench, turn(0.4, 0.1, 0.8), Queue::Append).await;
     let status = bench.status_when(|status| status.queued.len() == 2).await;
@@ -76,7 +76,7 @@ async fn three_trajectories_run_through_and_the_status_tells_what_waits() {
 async fn a_trajectory_is_paused_resumed_and_slowed_down_on_the_way() {
     let bench = ready().await;
     let (client, robot) = (&bench.client, &bench.robot);
-    let motion_id = execute(&bench, turn(0.0, 0.4, 1.5), Queue::Refuse).await;
+    let motion_id = execute(&bench, turn(0.0, 0.4, 4.0), Queue::Refuse).await;
     let motion = MotionParams { motion_id };
     client.call::<Pause>(robot, motion).await.expect("paused");
     let paused = bench
@@ -87,7 +87,7 @@ async fn a_trajectory_is_paused_resumed_and_slowed_down_on_the_way() {
     assert_eq!(answer.expect("set").speed_ratio, 0.5);
     client.call::<Resume>(robot, motion).await.expect("resumed");
     let end = bench.motion_end(motion_id).await;
-    assert_eq!((end.status, end.elapsed_s), (ActionStatus::Complete, 1.5), "{end:?}");
+    assert_eq!((end.status, end.elapsed_s), (ActionStatus::Complete, 4.0), "{end:?}");
     for ratio in [0.0, 1.5] {
         let refused = client.call::<SetSpeedRatio>(robot, SpeedRatioParams { ratio }).await;
         let refused = denial(refused);

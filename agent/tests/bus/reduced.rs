@@ -2,11 +2,12 @@
 
 use crate::common::{Bench, denial};
 use crate::queueing::turn;
+use crate::running::committed;
 use armada_model::JointTrajectory;
 use armada_protocol::messages::{
-    CommandMode, CommitParams, DenialCode, OperationalMode, PrepareParams, SetModeParams,
+    CommandMode, DenialCode, OperationalMode, PrepareParams, SetModeParams,
 };
-use armada_protocol::method::robot::{Commit, Prepare, SetMode};
+use armada_protocol::method::robot::{Prepare, SetMode};
 
 const SWITCH: &str = "operational_mode: cobot";
 const REDUCED: &str = "operational_mode: manual_reduced_speed";
@@ -31,17 +32,7 @@ async fn what_is_prepared_keeps_the_limits_of_reduced_speed_while_they_are_in_fo
     let refused = denial(client.call::<Prepare>(robot, prepare(turn(0.0, 0.6, 1.0))).await);
     assert_eq!(refused.code, DenialCode::OutOfRange, "{refused}");
     assert!(refused.message.contains("shoulder_pan_joint"), "{refused}");
-    let slow = client.call::<Prepare>(robot, prepare(turn(0.0, 0.2, 1.0))).await;
-    let prepared = slow.expect("it is slow enough");
-    let clock = client.robot_clock(robot).await.expect("its clock");
-    let params = CommitParams {
-        motion_id: prepared.motion_id,
-        boot_id: clock.boot_id,
-        start_ns: clock.stamp_ns + std::time::Duration::from_millis(200),
-        rate_slope_s: None,
-    };
-    client.call::<Commit>(robot, params).await.expect("committed");
-    let end = bench.motion_end(prepared.motion_id).await;
+    let (_, end) = committed(&bench, &turn(0.0, 0.2, 1.0)).await;
     assert_eq!(end.status, armada_protocol::messages::ActionStatus::Complete, "{end:?}");
     bench.shut_down().await;
 }

@@ -82,10 +82,18 @@ async fn a_jog_ends_at_its_goal_and_says_so_once() {
     assert_eq!(end.status, ActionStatus::Complete, "{end:?}");
     assert_eq!(end.client, "test");
     let states = bench.client.subscribe::<RobotState>("robots/left_arm/state", 1).await;
-    let (_, state) = states.expect("subscribes").next().await.expect("a state");
-    assert_eq!(state.joint_position_command_rad[0], 0.2);
-    assert!((state.joint_position_rad[0] - 0.2).abs() < 5e-3, "{state:?}");
-    assert_eq!(state.tcp.len(), 1);
+    let states = states.expect("subscribes");
+    let arrived = async {
+        loop {
+            let (_, state) = states.next().await.expect("a state");
+            assert_eq!(state.joint_position_command_rad[0], 0.2);
+            assert_eq!(state.tcp.len(), 1);
+            if (state.joint_position_rad[0] - 0.2).abs() < 5e-3 {
+                return;
+            }
+        }
+    };
+    tokio::time::timeout(DEADLINE, arrived).await.expect("the robot follows");
     bench.shut_down().await;
 }
 
@@ -219,30 +227,44 @@ async fn something_unreadable_on_a_stop_key_stops_and_is_counted() {
     bench.shut_down().await;
 }
 
+/// Prepares a motion, commits it to start in a second, and waits for its end; again while the loop
+/// was too late for the start, which on a busy machine it may be.
+pub(crate) async fn committed(
+    bench: &Bench,
+    trajectory: &JointTrajectory,
+) -> (CommitParams, MotionStatus) {
+    let (client, robot) = (&bench.client, &bench.robot);
+    for _ in 0..5 {
+        let prepared = client.call::<Prepare>(robot, prepare(trajectory.clone())).await;
+        let clock = client.robot_clock(robot).await.expect("clock");
+        let commit = CommitParams {
+            motion_id: prepared.expect("prepared").motion_id,
+            boot_id: clock.boot_id,
+            start_ns: clock.stamp_ns + Duration::from_secs(1),
+            rate_slope_s: None,
+        };
+        client.call::<Commit>(robot, commit).await.expect("committed");
+        let end = bench.motion_end(commit.motion_id).await;
+        let was_late = end.reason.as_ref().is_some_and(|why| why.code == DenialCode::Timeout);
+        if !was_late {
+            return (commit, end);
+        }
+    }
+    panic!("the loop is never in time");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_prepared_motion_starts_at_its_instant_and_dies_with_its_epoch() {
     let bench = Bench::start().await;
     let (client, robot) = (&bench.client, &bench.robot);
     set_mode(&bench, CommandMode::Trajectory).await;
-    let prepared =
-        client.call::<Prepare>(robot, prepare(turn(0.0, 0.1, 0.5))).await.expect("prepared");
-    let clock = client.robot_clock(robot).await.expect("clock");
-    let start = clock.stamp_ns + Duration::from_millis(200);
-    let commit = CommitParams {
-        motion_id: prepared.motion_id,
-        boot_id: clock.boot_id,
-        start_ns: start,
-        rate_slope_s: None,
-    };
-    client.call::<Commit>(robot, commit).await.expect("committed");
-    let end = bench.motion_end(prepared.motion_id).await;
+    let (commit, end) = committed(&bench, &turn(0.0, 0.1, 0.5)).await;
     assert_eq!(end.status, ActionStatus::Complete, "{:?}", end.reason);
-    let started = end.started_ns.expect("it started");
-    // Never early by more than the half period that rounding to a tick takes; how late it is
-    // depends on how busy the machine is, but it is not a matter of the 200 ms of the lead.
+    let (start, started) = (commit.start_ns, end.started_ns.expect("it started"));
+    // At the tick that is next to it: one that comes later is refused.
     let (early, late) = (start.saturating_since(started), started.saturating_since(start));
     assert!(early <= Duration::from_millis(1), "{early:?} early");
-    assert!(late < Duration::from_millis(200), "{late:?} late");
+    assert!(late <= Duration::from_millis(4), "{late:?} late");
 
     let prepared =
         client.call::<Prepare>(robot, prepare(turn(0.1, 0.0, 0.5))).await.expect("prepared");

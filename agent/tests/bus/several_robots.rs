@@ -7,6 +7,7 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 
 use armada_agent::runtime::{Agent, AgentError, AgentOptions, Emulation};
+use armada_model::JointVector;
 use armada_protocol::RobotName;
 use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::*;
@@ -69,7 +70,10 @@ impl Pair {
 
     async fn jog(&self, robot: &RobotName, first: f64) -> Result<Accepted, ClientError> {
         self.client.call::<SetMode>(robot, SetModeParams { mode: CommandMode::Jog }).await?;
-        self.client.call::<JogFreespace>(robot, goal(first)).await
+        // Slow, so that it has not ended before what is to be seen during it.
+        let max_velocity_rad_s = JointVector::from_slice(&[0.4; 6]).ok();
+        let params = JogFreespaceParams { max_velocity_rad_s, ..goal(first) };
+        self.client.call::<JogFreespace>(robot, params).await
     }
 
     async fn end_of(&self, robot: &RobotName, motion: &Accepted) -> ActionStatus {
@@ -138,6 +142,8 @@ async fn invariant_01_the_own_arm_is_stopped_before_the_cell_is_told() {
     let pair = Pair::start_with("\nstop: {estop_stops_cell: true}\n").await;
     let [left, right] = &pair.names;
     let acks = pair.client.subscribe::<StopAck>("robots/*/stop/ack", 1000).await.expect("acks");
+    // What comes the other way tells that the agent knows of the subscription.
+    pair.status_when(left, |_| true).await;
     common::inject(pair.emulations[0].as_ref().expect("it runs"), "estop");
     let stopped = pair.status_when(right, |status| status.stop.is_some()).await;
     let cell = stopped.stop.expect("waited for").stops.remove(0);
@@ -184,33 +190,37 @@ async fn every_robot_of_an_agent_has_been_ramped_to_rest_when_it_has_ended() {
     for name in &pair.names {
         pair.jog(name, 1.5).await.expect("jog");
     }
-    let (mut fastest, mut last) = (BTreeMap::new(), BTreeMap::new());
-    let mut note = |key: String, state: RobotState| {
-        let speed = state.joint_velocity_command_rad_s.first().copied().unwrap_or_default().abs();
-        let fastest = fastest.entry(key.clone()).or_insert(0.0);
-        *fastest = speed.max(*fastest);
-        last.insert(key, speed);
-        last.len() == 2 && last.values().all(|&speed| speed > 0.2)
+    let speed_of = |state: &RobotState| {
+        state.joint_velocity_command_rad_s.first().copied().unwrap_or_default().abs()
     };
+    let mut rest = BTreeMap::new();
     let both_move = async {
-        while let Ok((key, state)) = states.next().await {
-            if note(key, state) {
-                return;
-            }
+        while rest.len() < 2 || rest.values().any(|&speed| speed <= 0.1) {
+            let (key, state) = states.next().await.expect("a state");
+            rest.insert(key, speed_of(&state));
         }
     };
     tokio::time::timeout(DEADLINE, both_move).await.expect("both move");
     pair.agent.shut_down().await;
-    let mut goodbyes: Vec<RobotName> = Vec::new();
-    while let Ok(Some((_, event))) = ends.try_next() {
-        goodbyes.extend(event.robot.filter(|_| event.kind == EventKind::Ending));
-    }
-    goodbyes.sort();
-    assert_eq!(goodbyes, pair.names, "both say goodbye");
-    while let Ok(Some((key, state))) = states.try_next() {
-        note(key, state);
-    }
-    assert!(last.values().all(|&speed| speed == 0.0), "{last:?}");
+    let both_end = async {
+        let mut goodbyes: Vec<RobotName> = Vec::new();
+        while goodbyes.len() < 2 {
+            let (_, event) = ends.next().await.expect("an event");
+            goodbyes.extend(event.robot.filter(|_| event.kind == EventKind::Ending));
+        }
+        goodbyes.sort();
+        goodbyes
+    };
+    let goodbyes = tokio::time::timeout(DEADLINE, both_end).await.expect("both say goodbye");
+    assert_eq!(goodbyes, pair.names);
+    let both_rest = async {
+        while !rest.values().all(|&speed| speed == 0.0) {
+            let (key, state) = states.next().await.expect("a state");
+            rest.insert(key, speed_of(&state));
+        }
+    };
+    let told = tokio::time::timeout(DEADLINE, both_rest).await.is_ok();
+    assert!(told, "the last that is told of each is that it rests: {rest:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -266,8 +276,13 @@ async fn one_robot_that_cannot_start_leaves_none_running() {
     let AgentError::Robot { robot, cause } = &error else { panic!("{error}") };
     assert_eq!(robot.as_str(), "unreachable");
     assert!(matches!(**cause, AgentError::Link(_)), "{error}");
-    let left: Vec<_> = threads().into_iter().filter(|name| name.contains("-sound")).collect();
-    assert!(left.is_empty(), "{left:?}");
+    let left = || threads().into_iter().any(|name| name.contains("-sound"));
+    let gone = async {
+        while left() {
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(DEADLINE, gone).await.expect("its threads have ended");
     TcpListener::bind(("127.0.0.1", port)).expect("the session is closed");
 }
 

@@ -102,30 +102,36 @@ async fn a_robot_whose_streaming_client_dies_comes_to_rest_and_says_that_it_star
     let put = |stream: &mut Stream| {
         stream.velocity(&speeds(0.3)).expect("put");
     };
-    let status = sender.until(&bench, put, |status| taken(status) > 50).await;
-    assert_eq!(status.command_mode, CommandMode::VelocityCommand);
-    assert!(status.flags.contains(RobotFlags::VALID_VELOCITY_COMMAND), "{status:?}");
     let key = format!("robots/{}/state", bench.robot);
-    let states = bench.client.subscribe::<RobotState>(&key, 512).await.expect("subscribes");
+    let states = bench.client.subscribe::<RobotState>(&key, 4096).await.expect("subscribes");
+    let follows = |status: &RobotStatus| {
+        taken(status) > 50 && status.flags.contains(RobotFlags::VALID_VELOCITY_COMMAND)
+    };
+    let status = sender.until(&bench, put, follows).await;
+    assert_eq!(status.command_mode, CommandMode::VelocityCommand);
     let dying = sender.client.clone();
     dying.close();
-    // At rest within the time-out of 40 ms and the stop: measured on the robot's own clock, from the
-    // last state in which a sample was followed.
-    let (mut followed, mut rest) = (None, None);
-    while rest.is_none() {
-        let next = tokio::time::timeout(DEADLINE, states.next()).await.expect("states go on");
-        let (_, state) = next.expect("a state");
-        let stands = state.joint_velocity_command_rad_s.iter().all(|&speed| speed == 0.0);
-        if state.flags.contains(RobotFlags::VALID_VELOCITY_COMMAND) {
-            followed = Some(state.stamp_ns);
-        } else if followed.is_some() && stands {
-            rest = Some(state.stamp_ns);
+    // How many ticks it moves on after the first in which no sample is followed any more. Ticks, since
+    // a loop that a busy machine runs late makes fewer.
+    let comes_to_rest = async {
+        let (mut followed, mut starved_at, mut moved_at) = (false, None, None);
+        loop {
+            let (_, state) = states.next().await.expect("a state");
+            let stands = state.joint_velocity_command_rad_s.iter().all(|&speed| speed == 0.0);
+            if state.flags.contains(RobotFlags::VALID_VELOCITY_COMMAND) {
+                (followed, starved_at) = (true, None);
+            } else if followed && stands {
+                return (starved_at, moved_at);
+            } else if followed {
+                starved_at.get_or_insert(state.seqno);
+                moved_at = Some(state.seqno);
+            }
         }
-    }
-    let (followed, rest) = (followed.expect("followed"), rest.expect("rests"));
-    // 0.3 rad/s with the arm's acceleration takes less than 150 ms; states come every 10 ms.
-    let stop = rest.saturating_since(followed);
-    assert!(stop < Duration::from_millis(40 + 150), "at rest after {stop:?}");
+    };
+    let rest = tokio::time::timeout(DEADLINE, comes_to_rest).await.expect("it comes to rest");
+    // 0.3 rad/s with the arm's acceleration takes less than 150 ms, of 2 ms each.
+    let ticks = rest.0.zip(rest.1).map_or(0, |(first, last)| last - first);
+    assert!(ticks < 75, "it moves on for {ticks} ticks");
     let status = bench.status_when(|s| s.stream.is_some_and(|stream| stream.starved)).await;
     assert_eq!(status.command_mode, CommandMode::VelocityCommand, "the mode stays");
     bench.shut_down().await;
@@ -198,7 +204,7 @@ async fn joints_are_commanded_by_name_and_what_cannot_be_read_is_counted() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_lease_that_is_kept_outlasts_its_time_and_dropping_it_gives_it_back() {
     let bench = Bench::start().await;
-    let ttl = Duration::from_millis(600);
+    let ttl = Duration::from_secs(2);
     let keeper = bench.client.acquire_lease(&bench.robot, ttl).await.expect("free");
     let since = bench.status_when(|status| status.lease.is_some()).await.stamp_ns;
     bench.status_when(|status| status.stamp_ns.saturating_since(since) > 2 * ttl).await;

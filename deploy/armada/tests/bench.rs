@@ -122,7 +122,7 @@ fn scale_measures_every_number_of_arms_that_was_asked_for() {
         "--most",
         "3",
         "--seconds",
-        "0.5",
+        "2",
         "--policy",
         "other",
         "--json",

@@ -180,7 +180,7 @@ async def test_the_loop_runs_on_while_a_stop_waits(acell: aio.Cell, left: Agent)
             ticks += 1
 
     ticking = asyncio.create_task(tick())
-    report = await acell.stop(timeout_s=0.1)
+    report = await acell.stop(timeout_s=1.5)
     ticking.cancel()
     assert report.missing == ("left_arm",)
     assert ticks > 10

@@ -44,7 +44,7 @@ def test_requests_inside_are_asked_under_it_and_those_after_it_are_not(
 
 
 def test_it_is_renewed_beside_the_program(cell: armada.Cell, left: Agent) -> None:
-    with cell.robot("left_arm").lease(ttl_s=0.2):
+    with cell.robot("left_arm").lease(ttl_s=1.5):
         assert renewed(left, 3)
     assert {row["params"]["lease"] for row in left.of_method("renew_lease")} == {LEASE}
 
@@ -135,7 +135,7 @@ def test_it_is_not_acquired_twice(cell: armada.Cell) -> None:
 
 
 async def test_in_a_loop_it_is_renewed_by_a_task(acell: aio.Cell, left: Agent) -> None:
-    async with acell.robot("left_arm").lease(ttl_s=0.2) as lease:
+    async with acell.robot("left_arm").lease(ttl_s=1.5) as lease:
         while len(left.of_method("renew_lease")) < 2:
             await acell.robot("left_arm").status()
         assert lease.is_held

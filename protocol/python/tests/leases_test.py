@@ -92,7 +92,7 @@ def test_one_that_cannot_be_made_longer_gives_all_back(
 
 
 def test_each_is_renewed_beside_the_program(cell: armada.Cell, left: Agent, right: Agent) -> None:
-    with cell.leases(ttl_s=0.2):
+    with cell.leases(ttl_s=1.5):
         assert left.wait_for("renew_lease", 4)
         assert right.wait_for("renew_lease", 4)
 
@@ -107,7 +107,7 @@ def test_the_loss_of_one_is_told_and_ends_what_is_asked_of_both(
         told.append(what)
         heard.set()
 
-    leases = cell.leases(ttl_s=0.2, on_lost=lost)
+    leases = cell.leases(ttl_s=1.5, on_lost=lost)
     right.handlers["renew_lease"] = refuse("lease_stale", "panel took it: planner hangs")
     assert heard.wait(DEADLINE_S)
     assert [what.robot for what in told] == ["right_arm"]
@@ -132,7 +132,7 @@ def test_a_robot_that_is_held_already_is_told_before_any_is_asked(
 
 
 async def test_in_a_loop_they_are_renewed_by_tasks(acell: aio.Cell, left: Agent) -> None:
-    async with acell.leases(ttl_s=0.2) as leases:
+    async with acell.leases(ttl_s=1.5) as leases:
         while len(left.of_method("renew_lease")) < 3:
             await acell.robot("left_arm").status()
         leases.check()

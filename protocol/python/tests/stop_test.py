@@ -97,7 +97,7 @@ def test_a_robot_that_does_not_come_to_rest_is_missing_and_asked_to_stop_harder(
     cell: armada.Cell, left: Agent, right: Agent
 ) -> None:
     left.stages = ["received", "commanded"]
-    report = cell.stop(timeout_s=0.3)
+    report = cell.stop(timeout_s=1.5)
     deadline = time.monotonic() + DEADLINE_S
     while not any(stop["level"] == "L1" for stop in left.stops):
         assert time.monotonic() < deadline, left.stops
@@ -116,7 +116,7 @@ def test_a_robot_of_the_cell_that_is_not_there_is_missing(
 ) -> None:
     right.close()
     gateway.agents.remove(right)
-    report = cell.stop(timeout_s=0.3)
+    report = cell.stop(timeout_s=1.5)
     assert report.verdict is StopVerdict.INCOMPLETE
     assert report.missing == ("right_arm",)
 
@@ -144,7 +144,7 @@ def test_a_stop_of_one_robot_leaves_the_others_alone(
 def test_what_cannot_be_read_is_no_acknowledgement(cell: armada.Cell, left: Agent) -> None:
     left.stages = ["received", "commanded", "levitating"]
     left.session.put("robots/left_arm/stop/ack", b"not json")
-    report = cell.stop(timeout_s=0.3)
+    report = cell.stop(timeout_s=1.5)
     assert report.missing == ("left_arm",)
 
 

@@ -92,9 +92,9 @@ def test_ticks_keep_their_rate_and_leave_out_what_was_missed(
     robot = cell.robot("left_arm")
     with robot.lease(), robot.stream_position() as stream:
         begin = time.monotonic()
-        times = list(stream.ticks(100.0, duration_s=0.1))
-        assert time.monotonic() - begin >= 0.1
-        assert 2 <= len(times) <= 11
+        times = list(stream.ticks(100.0, duration_s=1.0))
+        assert time.monotonic() - begin >= 1.0
+        assert 2 <= len(times) <= 101
         assert times == sorted(times)
         with pytest.raises(ValueError, match="rate_hz is 0"):
             next(stream.ticks(0.0))
@@ -109,7 +109,7 @@ async def test_a_stream_in_a_loop(acell: aio.Cell, left: Agent) -> None:
     left.publish_states()
     robot = acell.robot("left_arm")
     async with robot.lease(), robot.stream_command(CommandMode.VELOCITY_COMMAND) as stream:
-        async for _ in stream.ticks(200.0, duration_s=0.02):
+        async for _ in stream.ticks(200.0, duration_s=1.0):
             stream.send(["elbow_joint"], velocity=[0.1])
     samples = left.samples("command", 2)
     assert samples[0]["velocity"] == [0.1]

@@ -9,14 +9,13 @@ use armada_model::MonoTime;
 use armada_protocol::RobotName;
 use armada_protocol::client::LeaseKeeper;
 use armada_protocol::messages::*;
-use armada_protocol::method::cell;
 use armada_tests::{NetCellOptions, Network, monotonic, wait_for};
 use uuid::Uuid;
 
 use crate::chance::Chance;
 use crate::failure::{ARMS, Failure};
 use crate::memory::Memory;
-use crate::support::{Bed, LOSS, PERIOD, RAMP, RESERVE, is_commanded, until_granted};
+use crate::support::{Bed, LOSS, PERIOD, RAMP, RESERVE, is_commanded};
 
 /// Length of each motion \[s\].
 const MOTION_S: f64 = 3.0;
@@ -120,14 +119,9 @@ impl Soak {
         let leases: BTreeMap<RobotName, Uuid> =
             robots.zip(keepers.iter().map(LeaseKeeper::lease)).collect();
         let trajectory = self.bed.both(0.1 * MOTION_S, MOTION_S).await?;
-        let accepted = until_granted("the motion", async || {
-            let params = CellExecuteTrajectory {
-                leases: leases.clone(),
-                ..CellExecuteTrajectory::new(None, trajectory.clone())
-            };
-            self.bed.client.call_cell::<cell::ExecuteTrajectory>(params).await
-        });
-        Ok(accepted.await?.motion_id)
+        let params =
+            CellExecuteTrajectory { leases, ..CellExecuteTrajectory::new(None, trajectory) };
+        self.bed.begin("the motion", params).await
     }
 
     async fn pause(&self, ms: u64) {

@@ -11,9 +11,6 @@ use armada_tests::{Cell, CellOptions, DEADLINE, kill, wait_for};
 
 use crate::support::{both_arms, execute, motion_when, stop_request};
 
-/// Time in which a cell says that a robot's agent is gone.
-const NOTICE: Duration = Duration::from_millis(1500);
-
 #[tokio::test(flavor = "multi_thread")]
 async fn an_agent_that_dies_is_reported_and_its_partner_stops() -> Result<()> {
     let cell = Cell::start(CellOptions::default()).await?;
@@ -25,7 +22,7 @@ async fn an_agent_that_dies_is_reported_and_its_partner_stops() -> Result<()> {
     let gone = |status: &armada_protocol::messages::CellStatus| {
         status.robots.get(&left).is_some_and(|robot| robot.presence == Presence::Lost)
     };
-    let status = cell.status_when(&client, "left_arm is lost", NOTICE, gone).await?;
+    let status = cell.status_when(&client, "left_arm is lost", DEADLINE, gone).await?;
     assert_eq!(status.verdict, CellVerdict::Degraded);
     let end = motion_when(&client, motion, |m| m.status.is_terminal()).await?;
     assert_eq!(end.status, ActionStatus::Failed, "{end:#?}");

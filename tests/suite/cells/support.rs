@@ -5,10 +5,10 @@ use std::f64::consts::FRAC_PI_2;
 use anyhow::{Context, Result};
 use armada_model::{JointTrajectory, Waypoint};
 use armada_protocol::RobotName;
-use armada_protocol::client::Client;
+use armada_protocol::client::{Client, ClientError};
 use armada_protocol::messages::{
-    Accepted, CellExecuteTrajectory, CellMotionStatus, MotionStatus, StopLevel, StopRequest,
-    StopScope,
+    Accepted, CellExecuteTrajectory, CellMotionStatus, DenialCode, MotionStatus, StopLevel,
+    StopRequest, StopScope,
 };
 use armada_protocol::method::cell::ExecuteTrajectory;
 use armada_tests::{Cell, DEADLINE, wait_for};
@@ -79,10 +79,21 @@ pub(crate) fn both_arms(angle_rad: f64, duration_s: f64) -> JointTrajectory {
     }
 }
 
-/// Starts a motion of several robots.
+/// Starts a motion of several robots, as soon as clocks and links of a busy machine allow it.
 pub(crate) async fn execute(client: &Client, trajectory: JointTrajectory) -> Result<Accepted> {
-    let params = CellExecuteTrajectory::new(None, trajectory);
-    Ok(client.call_cell::<ExecuteTrajectory>(params).await?)
+    use DenialCode::{CommunicationLost, NotReady, Timeout};
+    let ask = async || {
+        let params = CellExecuteTrajectory::new(None, trajectory.clone());
+        match client.call_cell::<ExecuteTrajectory>(params).await {
+            Err(ClientError::Denied(denial))
+                if matches!(denial.code, CommunicationLost | NotReady | Timeout) =>
+            {
+                None
+            }
+            answer => Some(answer),
+        }
+    };
+    Ok(wait_for("the motion is accepted", DEADLINE, ask).await??)
 }
 
 /// The status of a cell's motion as soon as it satisfies `condition`.

@@ -10,7 +10,7 @@ use armada_protocol::method::cell;
 use armada_tests::{NetCellOptions, Quality, in_network, monotonic, wait_for};
 use uuid::Uuid;
 
-use crate::support::{Bed, LOSS, PERIOD, RESERVE, Watch, assert_within, denial, until_granted};
+use crate::support::{Bed, LOSS, PERIOD, RESERVE, Watch, assert_within, denial};
 
 #[test]
 fn arms_in_a_common_motion_stop_together_when_agents_or_links_die() -> Result<()> {
@@ -143,12 +143,9 @@ async fn row_12_clock_not_known_well_enough(bed: &mut Bed) -> Result<()> {
     assert_eq!(refused.code, DenialCode::NotReady, "{refused}");
     assert!(refused.message.contains("left_arm"), "{refused}");
     let loose = CellExecuteTrajectory { coupling: Coupling::Independent, ..params };
-    let accepted = until_granted("robots that are not tied together", async || {
-        bed.client.call_cell::<cell::ExecuteTrajectory>(loose.clone()).await
-    });
-    let accepted = accepted.await?;
+    let id = bed.begin("robots that are not tied together", loose).await?;
     for robot in bed.robots() {
-        let end = bed.end_of(robot, accepted.motion_id).await?;
+        let end = bed.end_of(robot, id).await?;
         assert_eq!(end.status, ActionStatus::Complete, "{end:#?}");
         let status = bed.client.robot_status(robot).await?;
         assert!(status.stop.is_none() && status.faults.is_empty(), "no latch: {status:#?}");

@@ -56,7 +56,7 @@ async fn row_10_remote_stop_button_loses_its_link(bed: &Bed) -> Result<()> {
     let mut button = bed.cell.spawn(
         "button",
         "button",
-        &["stop-button", "--name", "door_1", "--stdin-level"],
+        &["stop-button", "--name", "door_1", "--stdin-level", "--repeat", "never"],
     )?;
     button.write_line("released")?;
     let fresh = |status: &RobotStatus| !status.stop_sources.iter().any(|source| source.pressed);

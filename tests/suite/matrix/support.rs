@@ -98,12 +98,33 @@ impl Bed {
         let trajectory = self.both(0.1 * duration_s, duration_s).await?;
         let params =
             CellExecuteTrajectory { coupling, ..CellExecuteTrajectory::new(None, trajectory) };
-        let accepted = until_granted("the motion", async || {
-            self.client.call_cell::<cell::ExecuteTrajectory>(params.clone()).await
-        });
-        let id = accepted.await?.motion_id;
+        let id = self.begin("the motion", params).await?;
         self.until_moving(id).await?;
         Ok(id)
+    }
+
+    /// Asks for a motion of several arms until it is granted. One whose answer was lost is asked for
+    /// by the same identity, so that it is not done a second time.
+    pub(crate) async fn begin(&self, what: &str, params: CellExecuteTrajectory) -> Result<Uuid> {
+        let unanswered = std::sync::Mutex::new(None);
+        until_granted(what, async || {
+            let lost = *unanswered.lock().expect("one asks");
+            let id = lost.unwrap_or_else(Uuid::now_v7);
+            let params = CellExecuteTrajectory { motion_id: Some(id), ..params.clone() };
+            let answer = self.client.call_cell::<cell::ExecuteTrajectory>(params).await;
+            let is_known = match &answer {
+                Err(ClientError::Denied(denial)) => denial.details.get("field"),
+                _ => None,
+            }
+            .is_some_and(|field| field == "motion_id");
+            if lost.is_some() && is_known {
+                return Ok(id);
+            }
+            *unanswered.lock().expect("one asks") =
+                answer.as_ref().err().is_some_and(is_lost).then_some(id);
+            answer.map(|accepted| accepted.motion_id)
+        })
+        .await
     }
 
     /// Waits until both arms are well under way.
@@ -240,13 +261,10 @@ impl Bed {
     /// Both arms do a new motion together, to its end.
     pub(crate) async fn work_again(&self) -> Result<()> {
         let trajectory = self.both(0.1, 0.8).await?;
-        let accepted = until_granted("a new motion", async || {
-            let params = CellExecuteTrajectory::new(None, trajectory.clone());
-            self.client.call_cell::<cell::ExecuteTrajectory>(params).await
-        });
-        let accepted = accepted.await?;
+        let params = CellExecuteTrajectory::new(None, trajectory);
+        let id = self.begin("a new motion", params).await?;
         for robot in self.robots() {
-            let end = self.end_of(robot, accepted.motion_id).await?;
+            let end = self.end_of(robot, id).await?;
             ensure!(end.status == ActionStatus::Complete, "{end:#?}");
         }
         Ok(())
@@ -261,8 +279,13 @@ fn is_passing(error: &ClientError) -> bool {
             denial.code,
             Collision | Internal | InvalidArgument | NotSupported | StaleModel
         ),
-        error => matches!(error, ClientError::NoReply { .. } | ClientError::Timeout { .. }),
+        error => is_lost(error),
     }
+}
+
+/// Whether it is not known what became of the request.
+const fn is_lost(error: &ClientError) -> bool {
+    matches!(error, ClientError::NoReply { .. } | ClientError::Timeout { .. })
 }
 
 /// The answer as soon as it is none of a refusal; one that no time can mend ends it.
