@@ -54,6 +54,9 @@ pub struct ControlConfig {
     /// Whether drives are switched on when the controller first answers; default false, and
     /// nothing else for a real robot.
     pub enable_on_start: bool,
+    /// Whether modes are entered and motions are begun under a lease only, so that none outlives its
+    /// client; default false: while nobody holds a lease anybody may command.
+    pub lease_required: bool,
     /// Who makes single moves when nobody says: the agent (`never`, default), or the controller
     /// where it can (`auto`).
     pub delegate: Delegate,
@@ -152,6 +155,7 @@ impl Default for ControlConfig {
             homing_timeout_ms: 60_000.0,
             operational_mode: OperationalMode::Undefined,
             enable_on_start: false,
+            lease_required: false,
             delegate: Delegate::Never,
             realtime: RealtimeConfig::default(),
         }

@@ -64,6 +64,7 @@ impl RobotConfig {
             stream_timeout: millis(control.stream_timeout_ms),
             stream_max_age: millis(control.stream_max_age_ms),
             enable_on_start: control.enable_on_start,
+            lease_required: control.lease_required,
             delegates: control.delegate == Delegate::Auto,
             homing_timeout: millis(control.homing_timeout_ms),
             operational_mode: control.operational_mode,

@@ -57,6 +57,8 @@ pub(super) struct Board {
     pub(super) link_refusal: Option<LinkRefusal>,
     pub(super) stop: Option<StopRecord>,
     pub(super) reset_rules: ResetRules,
+    /// Whether the robot is moved under a lease only.
+    pub(super) lease_required: bool,
     pub(super) stop_sources: StopSources,
     /// Stages the loop has reported since the gate was closed, with their times.
     pub(super) stages: Vec<(StopStage, MonoTime)>,
@@ -87,6 +89,7 @@ impl Board {
             link_refusal: None,
             stop: None,
             reset_rules: ResetRules::default(),
+            lease_required: false,
             stop_sources: StopSources::new(robot, Vec::new(), MonoTime::ZERO),
             stages: Vec::new(),
             statistics: LoopStatistics::default(),
@@ -187,6 +190,7 @@ impl Board {
             stops: stops.map(|stop| (stop.stop.stop_id, stop.received)).collect(),
             lease: self.snapshot.lease.and_then(|report| self.leases.since(report.lease)),
             local: self.local_since,
+            lease_required: self.lease_required,
             link: self.link_refusal.map(|refusal| refusal.to_string()),
         }
     }

@@ -159,6 +159,7 @@ impl Robot {
             flags: RobotFlags::NAMES.map(|(name, bit)| (name.to_owned(), bit.bits())).to_vec(),
             period_ms: self.config.control.period_ms,
             stop_time_s: self.params.stop_time.as_secs_f64(),
+            lease_required: self.params.lease_required,
             state_rate_hz: self.config.publish.state_rate_hz,
             state_classes_hz: self.state_classes().into_iter().map(|(rate, _)| rate).collect(),
             urdf: self.urdf.clone(),

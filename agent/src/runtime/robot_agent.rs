@@ -270,6 +270,7 @@ impl Shared {
         let mut board = Board::new(vocabulary, boot_id, first);
         board.stop = StopRecord::from_kept(&kept, closing.unwrap_or_default(), now);
         board.reset_rules = robot.reset_rules.clone();
+        board.lease_required = robot.params.lease_required;
         board.stop_sources = StopSources::new(name, robot.stop_sources.clone(), now);
         let watch = Arc::new(StopWatch::new(&board.stop_sources));
         Ok(Self {

@@ -39,6 +39,8 @@ pub(super) struct Known {
     pub(super) lease: Option<MonoTime>,
     /// Since when the pendant has had control.
     pub(super) local: Option<MonoTime>,
+    /// Whether the robot is moved under a lease only.
+    pub(super) lease_required: bool,
     /// Why the controller does not serve this client, if it says so.
     pub(super) link: Option<String>,
 }
@@ -161,6 +163,9 @@ fn steps_after(reason: &Why, status: &RobotStatus, known: &Known) -> Vec<String>
         WhyCode::Moving => format!("wait for its end, or: armada halt {robot}"),
         WhyCode::Waiting => "resume or cancel the motion, or wait for its start".to_owned(),
         WhyCode::DegradedLink => format!("see to the link of {who}"),
+        WhyCode::Halted | WhyCode::Ready if known.lease_required && status.lease.is_none() => {
+            format!("acquire the lease, without which it is not moved: armada lease hold {robot}")
+        }
         WhyCode::Halted => "set a mode and move, or: armada move".to_owned(),
         WhyCode::Ready => match status.command_mode {
             CommandMode::Jog => "jog_freespace, or set mode halt".to_owned(),

@@ -141,6 +141,14 @@ impl Vocabulary {
             Refusal::LeaseRequired { remaining_s } => {
                 self.driven_by(("somebody else", Role::Program), remaining_s)
             }
+            Refusal::NoLease => Denial::new(
+                DenialCode::LeaseRequired,
+                format!(
+                    "{0} is commanded under a lease only: armada lease hold {0}, or in Python: with \
+                     robot.lease()",
+                    self.robot
+                ),
+            ),
             Refusal::LeaseStale => Denial::new(
                 DenialCode::LeaseStale,
                 format!("the lease of {} is not in force any more: acquire it anew", self.robot),

@@ -4,6 +4,7 @@ use armada_model::{JointLimits, JointType};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
+use super::request::is_false;
 use super::{ChainEquipment, ParameterInfo, SignalInfo, ToolInfo};
 use crate::RobotName;
 
@@ -52,6 +53,9 @@ pub struct RobotInfo {
     /// harder, by itself and by whoever asked.
     #[serde(default)]
     pub stop_time_s: f64,
+    /// Whether it is moved under a lease only; else anybody may while nobody holds one.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub lease_required: bool,
     /// How often the state is published \[Hz\].
     pub state_rate_hz: f64,
     /// Rates at which the state is published besides, as `state/{rate}` \[Hz\].

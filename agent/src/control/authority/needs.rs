@@ -7,6 +7,9 @@
 //! | signals and parameters | `io` |
 //! | halt, cancel, drives off, and whatever is about leases themselves | nothing |
 //!
+//! Where the robot file says `lease_required`, whatever leads to motion or switches an output needs a
+//! lease also while nobody holds one; drives and errors do not.
+//!
 //! A scope contains those after it. A gripper that is switched by a signal is `io`.
 
 use armada_protocol::messages::{CommandMode, LeaseScope, Queue};
@@ -40,6 +43,23 @@ pub(super) const fn needed_scope(order: &Order) -> Option<LeaseScope> {
         | Order::SetSpeedRatio(_) => Some(LeaseScope::Arm),
         Order::SetEquipment(_) => Some(LeaseScope::EndEffector),
         Order::SetSignal { .. } | Order::SetParameter { .. } => Some(LeaseScope::Io),
+    }
+}
+
+/// Whether an order leads to motion: what robots that require a lease do under one only.
+pub(super) const fn begins(order: &Order) -> bool {
+    match order {
+        Order::SetMode(mode) => !matches!(mode, CommandMode::Halt),
+        Order::Jog(_)
+        | Order::Follow(_)
+        | Order::Home(_)
+        | Order::JogJoint(_)
+        | Order::JogCartesian(_)
+        | Order::Delegate(_)
+        | Order::Resume(_)
+        | Order::SetEquipment(_)
+        | Order::SetSignal { .. } => true,
+        _ => false,
     }
 }
 

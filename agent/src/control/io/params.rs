@@ -36,6 +36,8 @@ pub struct Params {
     pub homing_timeout: Duration,
     /// Whether drives are switched on once, when the controller first answers.
     pub enable_on_start: bool,
+    /// Whether modes are entered and motions are begun under a lease only.
+    pub lease_required: bool,
     /// Limits of each joint at reduced speed.
     pub reduced: Vec<ReducedLimits>,
     /// Home position of each joint \[rad or m\], where the robot has one.
@@ -94,6 +96,7 @@ impl Params {
             request_timeout: Duration::from_secs(5),
             homing_timeout: Duration::from_secs(60),
             enable_on_start: false,
+            lease_required: false,
             operational_mode: OperationalMode::Undefined,
             abilities: LoopAbilities::default(),
             delegates: false,

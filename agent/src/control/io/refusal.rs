@@ -39,6 +39,8 @@ pub enum Refusal {
     NotReady,
     /// A fault's cause is still there.
     CauseRemains(FaultCode),
+    /// This robot is commanded under a lease only.
+    NoLease,
     /// A motion is in progress.
     Busy(Uuid),
     /// The robot is still decelerating.

@@ -7,9 +7,9 @@ use armada_protocol::messages::{
 };
 use uuid::Uuid;
 
-use super::rig::{PERIOD, Rig, follow, jog, trajectory};
+use super::rig::{PERIOD, Rig, follow, jog, params, trajectory};
 use crate::control::{
-    FollowOrder, LeaseChange, LeaseReport, LoopEvent, MotionReport, Order, Refusal,
+    FollowOrder, LeaseChange, LeaseReport, LoopEvent, MotionReport, Order, Params, Refusal,
 };
 
 use CommandMode::{Halt, Jog, Trajectory};
@@ -62,6 +62,29 @@ fn changes(rig: &Rig) -> Vec<LeaseChange> {
 
 fn end(report: Option<MotionReport>) -> (ActionStatus, Option<Refusal>) {
     report.map(|report| (report.status, report.reason)).expect("the motion ended")
+}
+
+#[test]
+fn where_a_lease_is_required_nothing_leads_to_motion_without_one_and_it_ends_with_it() {
+    let mut rig = Rig::in_mode_with(Params { lease_required: true, ..params() }, Halt);
+    let path = trajectory(&[(0.0, [0.0; 3]), (2.0, [1.0, 0.0, 0.0])]);
+    let order = FollowOrder::at_once(Uuid::from_u128(1), path);
+    for order in [Order::SetMode(Trajectory), Order::Follow(order.clone())] {
+        assert_eq!(rig.ask(order).err(), Some(Refusal::NoLease));
+    }
+    for order in [Order::Halt, Order::SetMode(Halt), Order::ResetErrors] {
+        let ticket = rig.order(order);
+        rig.until("an answer", |rig| rig.answer(ticket).is_some());
+        assert!(rig.answer(ticket).expect("waited for").is_ok());
+    }
+    rig.ask(acquire(1)).expect("free");
+    rig.ask_under(lease(1), Order::SetMode(Trajectory)).expect("the holder may");
+    rig.ask_under(lease(1), Order::Follow(order)).expect("the holder may");
+    rig.until("the end of the lease", |rig| rig.ended(1).is_some());
+    assert_eq!(end(rig.ended(1)), (ActionStatus::Failed, Some(Refusal::LeaseLost)));
+    rig.until("rest", Rig::command_rests);
+    let jogging = rig.ask(Order::SetMode(Jog));
+    assert_eq!(jogging.err(), Some(Refusal::NoLease), "a lease that has run out is none");
 }
 
 #[test]

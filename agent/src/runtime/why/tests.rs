@@ -174,7 +174,7 @@ rows! {
 
 fn known() -> Known {
     let stops = vec![(Uuid::nil(), STAMP)];
-    Known { stops, lease: Some(STAMP), local: Some(STAMP), link: None }
+    Known { stops, lease: Some(STAMP), local: Some(STAMP), ..Known::default() }
 }
 
 #[test]
@@ -253,6 +253,17 @@ fn a_stop_that_is_acknowledged_at_the_arm_says_so() {
     status.stop = Some(StopLatch { reset, ..stop() });
     let step = next(&status, &known()).remove(0);
     assert!(step.starts_with("acknowledge it at the arm, see that it is safe"), "{step}");
+}
+
+#[test]
+fn whoever_wants_to_move_a_robot_that_requires_a_lease_is_told_to_acquire_it() {
+    let known = Known { lease_required: true, ..known() };
+    let mut status = calm();
+    let step = next(&status, &known).remove(0);
+    assert!(step.ends_with("armada lease hold left_arm"), "{step}");
+    status.lease = Some(lease(false));
+    let steps = next(&status, &known);
+    assert!(!steps.iter().any(|step| step.contains("without which")), "{steps:?}");
 }
 
 #[test]

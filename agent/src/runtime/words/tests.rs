@@ -85,6 +85,7 @@ refusals! {
     Refusal::ControllerRefused { .. } => Refusal::ControllerRefused { code: 12 }, DriverError;
     Refusal::ControllerTimeout => Refusal::ControllerTimeout, Timeout;
     Refusal::TooLate => Refusal::TooLate, Timeout;
+    Refusal::NoLease => Refusal::NoLease, LeaseRequired;
     Refusal::StepFailed => Refusal::StepFailed, Internal;
     Refusal::EquipmentChanged { .. } =>
         Refusal::EquipmentChanged { given: 1, current: 2 }, StaleModel;

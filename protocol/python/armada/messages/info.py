@@ -125,6 +125,8 @@ class RobotInfo(Message, frozen=True, kw_only=True):
     stop_time_s: float = 0.0
     """Within what time of a stop the robot is measured to stand still [s]; else it is stopped
     harder, by itself and by whoever asked."""
+    lease_required: bool = False
+    """Whether it is moved under a lease only; else anybody may while nobody holds one."""
     state_rate_hz: float
     """How often the state is published [Hz]."""
     state_classes_hz: tuple[int, ...]

@@ -145,6 +145,7 @@ pub(super) mod tests {
             flags: vec![],
             period_ms: 2.0,
             stop_time_s: 2.5,
+            lease_required: false,
             state_rate_hz: 100.0,
             state_classes_hz: vec![],
             urdf: String::new(),
