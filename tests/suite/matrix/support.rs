@@ -258,16 +258,33 @@ impl Bed {
         ])
     }
 
-    /// Both arms do a new motion together, to its end.
+    /// Both arms do a new motion together, to its end; once more while a link that has just come back
+    /// still waits to send again what was lost.
     pub(crate) async fn work_again(&self) -> Result<()> {
+        for _ in 0..5 {
+            let ends = self.work().await?;
+            if ends.iter().all(|end| end.status == ActionStatus::Complete) {
+                return Ok(());
+            }
+            let lost_each_other = |end: &MotionStatus| {
+                let code = end.reason.as_ref().map(|why| why.code);
+                matches!(code, Some(DenialCode::CommunicationLost | DenialCode::NotReady))
+            };
+            ensure!(ends.iter().any(lost_each_other), "{ends:#?}");
+            self.make_ready().await?;
+        }
+        anyhow::bail!("the arms lose each other again and again")
+    }
+
+    async fn work(&self) -> Result<Vec<MotionStatus>> {
         let trajectory = self.both(0.1, 0.8).await?;
         let params = CellExecuteTrajectory::new(None, trajectory);
         let id = self.begin("a new motion", params).await?;
+        let mut ends = Vec::new();
         for robot in self.robots() {
-            let end = self.end_of(robot, id).await?;
-            ensure!(end.status == ActionStatus::Complete, "{end:#?}");
+            ends.push(self.end_of(robot, id).await?);
         }
-        Ok(())
+        Ok(ends)
     }
 }
 
