@@ -8,7 +8,7 @@ use arrayvec::ArrayVec;
 use uuid::Uuid;
 
 use super::group::{BEAT, Decision, GroupMachine, GroupReport, GroupWord, MAX_SAID, Own};
-use super::io::{FollowOrder, GroupSay, LoopEvent, Refusal};
+use super::io::{FollowOrder, GroupSay, LoopEvent, Params, Refusal};
 use super::motion::{End, Motion, STOP_ALLOWANCE, Source, TrajectoryMotion};
 use super::state::{LoopState, Tick};
 
@@ -134,11 +134,19 @@ impl LoopState {
         let last = self.limiter.last().filter(|_| self.ramp.is_none())?;
         let moves = last.velocity.iter().any(|&velocity| velocity != 0.0);
         let under_way = matches!(&motion.source, Source::Trajectory(t) if t.has_begun());
-        let group = self.group.as_mut().filter(|group| group.id() == motion.id)?;
-        let ramp_s = group.ramp_s().filter(|_| moves && under_way)?;
-        let rest_s = (STOP_ALLOWANCE + tick.params.standstill_hold).as_secs_f64();
-        let in_time = ramp_s + rest_s <= tick.params.stop_time.as_secs_f64();
-        (in_time && group.leave(why, Duration::ZERO)).then_some(ramp_s)
+        let group = self.group.as_ref().filter(|group| group.id() == motion.id)?;
+        let id = group.id();
+        let ramp_s = self.common_ramp_s(id, tick.params).filter(|_| moves && under_way)?;
+        self.group.as_mut()?.leave(why, Duration::ZERO).then_some(ramp_s)
+    }
+
+    /// How long the common ramp of this group takes at most from here \[s\], if the robot is measured to
+    /// stand after it within its stop time.
+    pub(super) fn common_ramp_s(&self, group: Uuid, params: &Params) -> Option<f64> {
+        let ramp_s = self.group.as_ref().filter(|known| known.id() == group)?.ramp_s()?;
+        let rest = STOP_ALLOWANCE + params.tracking_lag + params.standstill_hold;
+        let in_time = ramp_s + rest.as_secs_f64() <= params.stop_time.as_secs_f64();
+        in_time.then_some(ramp_s)
     }
 
     /// The group whose pace the motion in progress follows, if it does.

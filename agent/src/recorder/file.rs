@@ -9,7 +9,7 @@ use super::segment::Segment;
 use crate::control::Params;
 
 /// Version of the form.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// A recording: the loop's parameters, and segments that follow each other.
 #[derive(Clone, Debug, Serialize, Deserialize)]

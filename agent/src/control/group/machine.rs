@@ -189,11 +189,12 @@ impl GroupMachine {
         }
     }
 
-    /// How long the common ramp takes from here \[s\]; none if there is none.
+    /// How long the common ramp takes from here at most \[s\]; none if there is none.
     #[must_use]
     pub fn ramp_s(&self) -> Option<f64> {
         let rigid = self.order.coupling == Coupling::Rigid && self.order.rate_slope_s > 0.0;
-        rigid.then(|| self.pace.rate() / self.order.rate_slope_s)
+        // Who is ahead of others goes slower, until they are level.
+        rigid.then(|| self.pace.rate() / self.order.rate_slope_s / (1.0 - LEVEL_SHARE))
     }
 
     /// Brings all robots to rest on their paths, or lets them go on as far as this one is concerned.

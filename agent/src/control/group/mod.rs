@@ -26,7 +26,8 @@
 //!   tenth slower until they are level.
 //! * A `rigid` group ends as it pauses: on one ramp from one place, the first that any robot names; so it
 //!   does when it is stopped with L2 or L1, halted or taken over, if the ramp is within the robot's stop
-//!   time. A robot that cannot follow it (fault, L0, drives off) stops as it can.
+//!   time. A robot that cannot follow it (fault, L0, drives off) stops as it can, and one that is
+//!   stopped where its own path rests for a while stays there: nothing begins to move under a stop.
 
 mod machine;
 mod pace;

@@ -22,7 +22,7 @@ use armada_protocol::messages::{ActionStatus, CommandMode, StopLevel};
 
 use super::trajectory::TrajectoryMotion;
 use super::{End, Source};
-use crate::control::io::{LoopEvent, Refusal, Retired};
+use crate::control::io::{LoopEvent, Params, Refusal, Retired};
 use crate::control::state::{LoopState, Tick};
 
 /// How much longer than the plain ramp a stop on the path may take after a stop or a fault.
@@ -115,6 +115,27 @@ impl LoopState {
             }
             let ticks = ramp_ticks(&last.velocity, &self.limits, tick.params.period);
             brake.left = brake.left.min(ticks + allowance(true, tick.params.period));
+        }
+    }
+
+    /// How many ticks a robot that comes to rest with its group may still take for that, if another
+    /// stop comes on top.
+    pub(in crate::control) fn common_left(&self, params: &Params) -> Option<u64> {
+        let Some(Brake::OnPath(PathBrake { left, group: Some((id, _)), .. })) = &self.ramp else {
+            return None;
+        };
+        let common_s = self.common_ramp_s(*id, params)?;
+        let own = ramp_ticks(&self.limiter.last()?.velocity, &self.limits, params.period);
+        let common = (common_s / params.period.as_secs_f64()).ceil() as u64;
+        Some((*left).min(own + allowance(true, params.period) + common))
+    }
+
+    /// Gives the brake of a group so many ticks, whoever hurried it up.
+    pub(in crate::control) const fn stay_together(&mut self, ticks: Option<u64>) {
+        if let (Some(Brake::OnPath(brake)), Some(ticks)) = (&mut self.ramp, ticks)
+            && brake.group.is_some()
+        {
+            brake.left = ticks;
         }
     }
 

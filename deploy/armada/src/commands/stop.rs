@@ -123,8 +123,17 @@ pub(crate) async fn stop(
     let options = StopOptions { expected: address.robots.clone(), timeout: limit };
     let report = client.stop(request, options).await?;
     let ladder = ladder(stop_id, &acks, &report);
-    let scope_is_known = is_told || client.cell_info().await.is_ok();
+    let scope_is_known = is_told || is_whole_cell(client, &report).await;
     Ok(Outcome { report, ladder, scope_is_known })
+}
+
+/// Whether the gateway tells, after the stop, that no robot is configured that was not looked at.
+async fn is_whole_cell(client: &Client, report: &StopReport) -> bool {
+    let Ok(info) = client.cell_info().await else { return false };
+    info.robots.iter().all(|row| {
+        let has_answered = report.acks.iter().any(|ack| ack.robot == row.robot);
+        has_answered || report.missing.contains(&row.robot)
+    })
 }
 
 fn ladder(stop_id: Uuid, acks: &Subscription<StopAck>, report: &StopReport) -> Vec<StopAck> {
