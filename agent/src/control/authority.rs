@@ -41,7 +41,7 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use self::delegates::Delegates;
-use self::needs::{appends, begins, needed_scope};
+use self::needs::{appends, is_harmless, needed_scope};
 use super::io::{
     DelegateReport, LeaseChange, LeaseReport, LoopEvent, MAX_DELEGATES, Order, Refusal,
 };
@@ -304,7 +304,7 @@ impl LoopState {
             (Some(held), None) if !held.stale || self.driver().is_some() => {
                 Err(held.required(tick.now))
             }
-            (_, None) if tick.params.lease_required && begins(order) => {
+            (_, None) if tick.params.lease_required && !is_harmless(order) => {
                 // A stop, after which no lease is given either, is the better answer.
                 self.check_gate()?;
                 Err(Refusal::NoLease)

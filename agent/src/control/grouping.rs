@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use armada_model::MonoTime;
-use armada_protocol::messages::{ActionStatus, Coupling, GroupQuality, StopLevel};
+use armada_protocol::messages::{ActionStatus, Coupling, GroupQuality};
 use arrayvec::ArrayVec;
 use uuid::Uuid;
 
@@ -126,17 +126,14 @@ impl LoopState {
         end: End,
     ) -> Option<f64> {
         let why = match end {
-            End::Failed(why @ Refusal::Stopped(StopLevel::L2 | StopLevel::L1))
-            | End::Failed(why @ Refusal::LeaseLost)
-            | End::Cancelled(why) => why,
+            End::Failed(why) if end.is_stop() || why == Refusal::LeaseLost => why,
+            End::Cancelled(why) => why,
             End::Complete | End::Failed(_) => return None,
         };
         let last = self.limiter.last().filter(|_| self.ramp.is_none())?;
         let moves = last.velocity.iter().any(|&velocity| velocity != 0.0);
         let under_way = matches!(&motion.source, Source::Trajectory(t) if t.has_begun());
-        let group = self.group.as_ref().filter(|group| group.id() == motion.id)?;
-        let id = group.id();
-        let ramp_s = self.common_ramp_s(id, tick.params).filter(|_| moves && under_way)?;
+        let ramp_s = self.common_ramp_s(motion.id, tick.params).filter(|_| moves && under_way)?;
         self.group.as_mut()?.leave(why, Duration::ZERO).then_some(ramp_s)
     }
 

@@ -193,7 +193,7 @@ impl LoopState {
         self.end_stream(tick);
         self.decelerate(tick);
         if end.is_urgent() {
-            self.hurry(tick);
+            self.hurry(tick, end);
         }
     }
 

@@ -77,11 +77,7 @@ impl LoopState {
         match gate {
             None if self.stop.level.is_some() => self.open_gate(tick),
             // None orders before every level.
-            Some(level) if gate > self.stop.level => {
-                let common = self.common_left(tick.params).filter(|_| level != StopLevel::L0);
-                self.close_gate(tick, level);
-                self.stay_together(common);
-            }
+            Some(level) if gate > self.stop.level => self.close_gate(tick, level),
             Some(_) => self.raise_overdue(tick),
             None => {}
         }

@@ -56,6 +56,8 @@ pub(super) struct Board {
     /// Why the controller does not serve this client, if it says so.
     pub(super) link_refusal: Option<LinkRefusal>,
     pub(super) stop: Option<StopRecord>,
+    /// Who had which stops cleared, until the loop has seen it.
+    pub(super) reset_by: Option<(String, Vec<Uuid>)>,
     pub(super) reset_rules: ResetRules,
     /// Whether the robot is moved under a lease only.
     pub(super) lease_required: bool,
@@ -88,6 +90,7 @@ impl Board {
             first_told: FirstTold::default(),
             link_refusal: None,
             stop: None,
+            reset_by: None,
             reset_rules: ResetRules::default(),
             lease_required: false,
             stop_sources: StopSources::new(robot, Vec::new(), MonoTime::ZERO),

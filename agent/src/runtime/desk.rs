@@ -166,8 +166,11 @@ impl Desk {
             LoopEvent::StopCleared => {
                 info!("stop reset");
                 self.cleared.send_modify(|count| *count += 1);
-                let message = "stop reset: nothing moves, nothing was enabled".to_owned();
-                self.event(stamp, Severity::Info, EventKind::Reset, message, Map::new()).await;
+                let reset_by = self.board.lock().reset_by.take();
+                let (client, stop_ids) = reset_by.unwrap_or_default();
+                let message = format!("stop reset by {client}: nothing moves, nothing was enabled");
+                let details = map(json!({ "client": client, "stop_ids": stop_ids }));
+                self.event(stamp, Severity::Info, EventKind::Reset, message, details).await;
             }
         }
         self.publish_status().await;

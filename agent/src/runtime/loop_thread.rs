@@ -295,20 +295,22 @@ mod tests {
     use armada_model::JointLimits;
     use armada_protocol::messages::FaultCode;
 
-    use super::super::mailbox::mailbox;
+    use super::super::mailbox::{ClientEnd, PublisherEnd, mailbox};
     use super::*;
     use crate::control::{LoopRequest, Order};
     use crate::drivers::{Abilities, DriverRequest, Endpoint, LinkCounters, SetPoint, Transmit};
-    use crate::stop_sources::StopSources;
+    use crate::stop_sources::{SILENCE, StopSourceSetting, StopSources};
 
     const PERIOD: Duration = Duration::from_millis(1);
 
-    /// A driver with a defect that shows in its third tick.
-    struct Defective {
+    /// A driver that nobody answers, and which may have a defect that shows in a tick.
+    #[derive(Default)]
+    struct Silent {
         transmissions: u64,
+        defect_in: Option<u64>,
     }
 
-    impl Driver for Defective {
+    impl Driver for Silent {
         fn endpoints(&self) -> &[Endpoint] {
             &[]
         }
@@ -333,7 +335,7 @@ mod tests {
 
         fn poll_transmit(&mut self, _: MonoTime, _: &mut [u8]) -> Option<Transmit> {
             self.transmissions += 1;
-            assert_ne!(self.transmissions, 3, "the defect of the third tick");
+            assert_ne!(Some(self.transmissions), self.defect_in, "the defect");
             None
         }
 
@@ -354,44 +356,98 @@ mod tests {
         Params::for_joints(vec![limits], PERIOD).expect("one joint")
     }
 
-    #[test]
-    fn a_panic_in_a_tick_is_a_latched_fault_and_the_loop_goes_on() {
+    /// A loop that has not begun, with the ends of its mailbox.
+    fn loop_of(
+        driver: Silent,
+        sources: &[StopSourceSetting],
+    ) -> (LoopThread, PublisherEnd, ClientEnd) {
         let params = params();
         let mut state = LoopState::new(&params).expect("valid parameters");
         let mut input = Input::at(monotonic());
         let first = step(&params, &mut state, &mut input).snapshot;
-        let (loop_end, mut publisher, mut clients) = mailbox(first);
-        // The first tick takes eight, the second eight, and the third panics with the rest.
-        for ticket in 1..=20 {
-            clients.requests.push(LoopRequest::new(ticket, Order::Halt)).expect("room");
-        }
-        let (meter, shutdown) = (Arc::<Meter>::default(), Arc::<AtomicBool>::default());
-        let running = LoopThread {
-            name: "defective".to_owned(),
+        let (loop_end, publisher, clients) = mailbox(first);
+        let name = "silent".parse().expect("a name");
+        let sources = StopSources::new(name, sources.to_vec(), monotonic());
+        let thread = LoopThread {
+            name: "silent".to_owned(),
             state,
             params,
-            driver: Box::new(Defective { transmissions: 0 }),
+            driver: Box::new(driver),
             link: Link::open(&[]).expect("nothing to open"),
             mailbox: loop_end,
             gate: Arc::default(),
-            watch: Arc::new(StopWatch::new(&StopSources::new(
-                "defective".parse().expect("a name"),
-                Vec::new(),
-                monotonic(),
-            ))),
-            meter: Arc::clone(&meter),
+            watch: Arc::new(StopWatch::new(&sources)),
+            meter: Arc::default(),
             runs_on: Arc::default(),
             realtime: RealtimeConfig { priority: None, cpu: None, lock_memory: false },
             ticks_per_sample: 1,
             ticks_per_class: Vec::new(),
             publisher: std::thread::current(),
-            shutdown: Arc::clone(&shutdown),
+            shutdown: Arc::default(),
             tape: None,
             save: Arc::default(),
             wake_log: None,
             emergency_stop: false,
         };
-        let running = running.start().expect("a thread");
+        (thread, publisher, clients)
+    }
+
+    /// Waits for a condition, at most ten seconds.
+    fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
+        let deadline = monotonic() + Duration::from_secs(10);
+        while !condition() {
+            assert!(monotonic() < deadline, "{what} did not come");
+            std::thread::park_timeout(PERIOD);
+        }
+    }
+
+    #[test]
+    fn a_reset_that_a_stop_follows_at_once_is_seen_by_the_loop() {
+        let (thread, mut publisher, _clients) = loop_of(Silent::default(), &[]);
+        let (gate, shutdown) = (Arc::clone(&thread.gate), Arc::clone(&thread.shutdown));
+        let count = gate.close(StopLevel::L1).count;
+        let running = thread.start().expect("a thread");
+        wait_until("the stop", || publisher.latest.read().snapshot.epoch > 1);
+        let epoch = publisher.latest.read().snapshot.epoch;
+        assert!(gate.open(count), "nobody closed it meanwhile");
+        gate.close(StopLevel::L1);
+        let mut cleared = false;
+        wait_until("the reset", || {
+            while let Ok((_, event)) = publisher.events.pop() {
+                cleared |= event == LoopEvent::StopCleared;
+            }
+            cleared
+        });
+        wait_until("the stop anew", || publisher.latest.read().snapshot.epoch >= epoch + 2);
+        shutdown.store(true, Ordering::Relaxed);
+        running.thread.join().expect("the loop ends in order");
+    }
+
+    #[test]
+    fn a_loop_stops_by_itself_when_nobody_asks_its_stop_sources() {
+        let (name, level) = ("door_1".to_owned(), StopLevel::L1);
+        let door = StopSourceSetting { name, level, key: None };
+        let begin = monotonic();
+        let (thread, _publisher, _clients) = loop_of(Silent::default(), &[door]);
+        let (gate, shutdown) = (Arc::clone(&thread.gate), Arc::clone(&thread.shutdown));
+        let running = thread.start().expect("a thread");
+        wait_until("the stop", || gate.level().is_some());
+        assert!(monotonic().saturating_since(begin) >= SILENCE, "it was given its time");
+        assert_eq!((gate.level(), gate.count()), (Some(StopLevel::L1), 1));
+        shutdown.store(true, Ordering::Relaxed);
+        running.thread.join().expect("the loop ends in order");
+    }
+
+    #[test]
+    fn a_panic_in_a_tick_is_a_latched_fault_and_the_loop_goes_on() {
+        let driver = Silent { defect_in: Some(3), ..Silent::default() };
+        let (thread, mut publisher, mut clients) = loop_of(driver, &[]);
+        // The first tick takes eight, the second eight, and the third panics with the rest.
+        for ticket in 1..=20 {
+            clients.requests.push(LoopRequest::new(ticket, Order::Halt)).expect("room");
+        }
+        let (meter, shutdown) = (Arc::clone(&thread.meter), Arc::clone(&thread.shutdown));
+        let running = thread.start().expect("a thread");
         let deadline = monotonic() + Duration::from_secs(10);
         let (mut fault, mut answers) = (None, Vec::new());
         while (fault.is_none() || answers.len() < 20) && monotonic() < deadline {

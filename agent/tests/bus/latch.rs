@@ -5,7 +5,7 @@ use std::path::Path;
 use armada_agent::config::ConfigError;
 use armada_agent::runtime::{Agent, AgentError, StateError};
 use armada_protocol::messages::*;
-use armada_protocol::method::robot::{Enable, Reset, ResetErrors, SetMode};
+use armada_protocol::method::robot::{Enable, Reset, ResetErrors, SetMode, SetSignal};
 use armada_protocol::signature::SigningKey;
 use uuid::Uuid;
 
@@ -252,6 +252,9 @@ async fn invariant_03_a_stop_repeated_with_one_id_is_acknowledged_each_time_and_
         let (_, event) = events.next().await.expect("an event");
         logged += usize::from(event.details.get("stop_id").is_some_and(|stop| *stop == *id));
         if event.kind == EventKind::Reset {
+            assert_eq!(event.details["client"], "test", "{event:?}");
+            assert_eq!(event.details["stop_ids"], serde_json::json!([id]), "{event:?}");
+            assert!(event.message.starts_with("stop reset by test"), "{event:?}");
             break;
         }
     }
@@ -306,4 +309,20 @@ async fn start_with(text: &str) -> String {
 fn append(file: &Path, text: &str) {
     let before = std::fs::read_to_string(file).expect("the file is there");
     std::fs::write(file, format!("{before}\n{text}")).expect("written");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn outputs_stay_as_they_are_while_it_is_stopped_but_for_the_lamp() {
+    let bench = Bench::start().await;
+    let set = async |name: &str| {
+        let value = SignalValue::Bool(true);
+        let params = SetValueParams { name: name.to_owned(), value };
+        bench.client.call::<SetSignal>(&bench.robot, params).await
+    };
+    bench.client.stop(stop(StopLevel::L2), stop_options()).await.expect("stopped");
+    assert_eq!(denial(set("DO1").await).code, DenialCode::Stopped, "it closes the gripper");
+    set("DO2").await.expect("the file says that it is for that");
+    reset(&bench, latched(&bench).await.reset_params()).await.expect("it stands");
+    set("DO1").await.expect("nothing is latched");
+    bench.shut_down().await;
 }

@@ -5,11 +5,15 @@ use std::time::Duration;
 use anyhow::Result;
 use armada_protocol::client::StopOptions;
 use armada_protocol::messages::{
-    ActionStatus, CellVerdict, DenialCode, Presence, RobotState, StopVerdict,
+    ActionStatus, CellStatus, CellVerdict, DenialCode, Presence, RobotState, StopVerdict,
 };
-use armada_tests::{Cell, CellOptions, DEADLINE, kill, wait_for};
+use armada_protocol::{RobotName, keys};
+use armada_tests::{Cell, CellOptions, DEADLINE, kill, monotonic, wait_for};
 
 use crate::support::{both_arms, execute, motion_when, stop_request};
+
+/// Time in which a cell says that a robot's agent is gone.
+const NOTICE: Duration = Duration::from_millis(1500);
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_agent_that_dies_is_reported_and_its_partner_stops() -> Result<()> {
@@ -17,13 +21,26 @@ async fn an_agent_that_dies_is_reported_and_its_partner_stops() -> Result<()> {
     let client = cell.client().await?;
     let motion = execute(&client, both_arms(2.0, 6.0)).await?.motion_id;
     motion_when(&client, motion, |m| m.parts.values().all(|part| part.elapsed_s > 0.5)).await?;
+    let left: RobotName = "left_arm".parse()?;
+    let statuses = client.subscribe::<CellStatus>(&keys::CELL_STATUS.any(), 64).await?;
+    let killed = monotonic();
     kill(cell.agent_pid("left_arm")?)?;
-    let left = "left_arm".parse()?;
-    let gone = |status: &armada_protocol::messages::CellStatus| {
+    let gone = |status: &CellStatus| {
         status.robots.get(&left).is_some_and(|robot| robot.presence == Presence::Lost)
     };
-    let status = cell.status_when(&client, "left_arm is lost", DEADLINE, gone).await?;
+    let told = async {
+        loop {
+            let (_, status) = statuses.next().await?;
+            if gone(&status) {
+                return anyhow::Ok(status);
+            }
+        }
+    };
+    let status = tokio::time::timeout(DEADLINE, told).await??;
     assert_eq!(status.verdict, CellVerdict::Degraded);
+    // Processes of one machine share its clock.
+    let took = status.stamp_ns.saturating_since(killed);
+    assert!(took <= NOTICE, "told after {took:?}");
     let end = motion_when(&client, motion, |m| m.status.is_terminal()).await?;
     assert_eq!(end.status, ActionStatus::Failed, "{end:#?}");
     let right = "right_arm".parse()?;
@@ -34,6 +51,11 @@ async fn an_agent_that_dies_is_reported_and_its_partner_stops() -> Result<()> {
     let reason = part.reason.expect("a reason");
     assert_eq!(reason.code, DenialCode::CommunicationLost, "{reason}");
     assert_eq!(reason.details["partner"], "left_arm", "{reason}");
+    // Whoever names no robot is told of those that the gateway knows.
+    let options = StopOptions { expected: Vec::new(), timeout: Duration::from_secs(2) };
+    let report = client.stop(stop_request(), options).await?;
+    assert_eq!(report.verdict, StopVerdict::Incomplete, "{report:#?}");
+    assert_eq!(report.missing, [left], "{report:#?}");
     Ok(())
 }
 
@@ -67,13 +89,13 @@ async fn a_stop_reaches_standstill_everywhere_and_a_reset_lets_the_cell_go_on() 
     assert_eq!(report.verdict, StopVerdict::Complete, "{report:#?}");
     let end = motion_when(&client, motion, |m| m.status.is_terminal()).await?;
     assert_eq!(end.status, ActionStatus::Failed);
-    let stopped = |s: &armada_protocol::messages::CellStatus| s.verdict == CellVerdict::Stopped;
+    let stopped = |s: &CellStatus| s.verdict == CellVerdict::Stopped;
     cell.status_when(&client, "the cell is stopped", DEADLINE, stopped).await?;
     let refused = execute(&client, both_arms(0.1, 1.0)).await.expect_err("stopped");
     assert!(refused.to_string().contains("stopped"), "{refused:#}");
     let (printed, code) = tokio::task::block_in_place(|| cell.run(&["reset", "--yes"]))?;
     assert_eq!(code, 0, "{printed}");
-    let ready = |s: &armada_protocol::messages::CellStatus| s.verdict == CellVerdict::Ready;
+    let ready = |s: &CellStatus| s.verdict == CellVerdict::Ready;
     cell.status_when(&client, "the cell is ready", DEADLINE, ready).await?;
     Ok(())
 }
@@ -84,7 +106,7 @@ async fn a_controller_that_dies_is_a_fault_of_its_robot_only() -> Result<()> {
     let client = cell.client().await?;
     kill(cell.emulator_pid("torso")?)?;
     let torso = "torso".parse()?;
-    let faulted = |status: &armada_protocol::messages::CellStatus| {
+    let faulted = |status: &CellStatus| {
         status.robots.get(&torso).is_some_and(|robot| !robot.faults.is_empty())
     };
     let status = cell.status_when(&client, "the torso has a fault", DEADLINE, faulted).await?;
@@ -104,13 +126,13 @@ async fn an_agent_that_stops_running_is_lost_and_comes_back() -> Result<()> {
     let pid = cell.agent_pid("torso")?;
     armada_tests::signal(pid, rustix::process::Signal::STOP)?;
     let torso = "torso".parse()?;
-    let presence = |status: &armada_protocol::messages::CellStatus, wanted| {
+    let presence = |status: &CellStatus, wanted| {
         status.robots.get(&torso).is_some_and(|robot| robot.presence == wanted)
     };
-    let lost = |s: &armada_protocol::messages::CellStatus| presence(s, Presence::Lost);
+    let lost = |s: &CellStatus| presence(s, Presence::Lost);
     cell.status_when(&client, "the torso is lost", DEADLINE, lost).await?;
     armada_tests::signal(pid, rustix::process::Signal::CONT)?;
-    let back = |s: &armada_protocol::messages::CellStatus| presence(s, Presence::Online);
+    let back = |s: &CellStatus| presence(s, Presence::Online);
     cell.status_when(&client, "the torso is back", DEADLINE, back).await?;
     let fresh = async || states.next().await.ok();
     wait_for("its state comes again", DEADLINE, fresh).await?;

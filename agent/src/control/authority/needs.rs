@@ -7,8 +7,8 @@
 //! | signals and parameters | `io` |
 //! | halt, cancel, drives off, and whatever is about leases themselves | nothing |
 //!
-//! Where the robot file says `lease_required`, whatever leads to motion or switches an output needs a
-//! lease also while nobody holds one; drives and errors do not.
+//! Where the robot file says `lease_required`, all that needs a lease needs one also while nobody holds
+//! one, but for drives, errors, pauses, speed ratios and parameters.
 //!
 //! A scope contains those after it. A gripper that is switched by a signal is `io`.
 
@@ -46,21 +46,17 @@ pub(super) const fn needed_scope(order: &Order) -> Option<LeaseScope> {
     }
 }
 
-/// Whether an order leads to motion: what robots that require a lease do under one only.
-pub(super) const fn begins(order: &Order) -> bool {
-    match order {
-        Order::SetMode(mode) => !matches!(mode, CommandMode::Halt),
-        Order::Jog(_)
-        | Order::Follow(_)
-        | Order::Home(_)
-        | Order::JogJoint(_)
-        | Order::JogCartesian(_)
-        | Order::Delegate(_)
-        | Order::Resume(_)
-        | Order::SetEquipment(_)
-        | Order::SetSignal { .. } => true,
-        _ => false,
-    }
+/// Whether a commanding order neither leads to motion nor switches anything: robots that require a
+/// lease take it without one while nobody holds one.
+pub(super) const fn is_harmless(order: &Order) -> bool {
+    matches!(
+        order,
+        Order::Enable
+            | Order::ResetErrors
+            | Order::Pause(_)
+            | Order::SetSpeedRatio(_)
+            | Order::SetParameter { .. }
+    )
 }
 
 /// Whether an order is to wait behind the motion in progress.

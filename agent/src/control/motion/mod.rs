@@ -45,7 +45,7 @@ pub(super) use waiting::Queued;
 
 use armada_model::{JointVector, MonoTime, MotionLimits, MotionState};
 use armada_protocol::messages::{
-    ActionStatus, Executor, FaultCode, LeaseLoss, MotionKind, MotionProgress,
+    ActionStatus, Executor, FaultCode, LeaseLoss, MotionKind, MotionProgress, StopLevel,
 };
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -74,6 +74,11 @@ impl End {
     /// Whether the robot is to stand as soon as may be: after a stop or a fault.
     pub(super) fn is_urgent(self) -> bool {
         matches!(self, Self::Failed(why) if why != Refusal::LeaseLost)
+    }
+
+    /// Whether a stop asks for a controlled way to rest.
+    pub(super) const fn is_stop(self) -> bool {
+        matches!(self, Self::Failed(Refusal::Stopped(StopLevel::L2 | StopLevel::L1)))
     }
 }
 

@@ -17,12 +17,12 @@ use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use uuid::Uuid;
 
-use armada_model::{JointVector, MonoTime, MotionLimits, MotionState, StopRamp};
+use armada_model::{JointVector, MotionLimits, MotionState, StopRamp};
 use armada_protocol::messages::{ActionStatus, CommandMode, StopLevel};
 
 use super::trajectory::TrajectoryMotion;
 use super::{End, Source};
-use crate::control::io::{LoopEvent, Params, Refusal, Retired};
+use crate::control::io::{LoopEvent, Refusal, Retired};
 use crate::control::state::{LoopState, Tick};
 
 /// How much longer than the plain ramp a stop on the path may take after a stop or a fault.
@@ -46,8 +46,8 @@ pub(in crate::control) struct PathBrake {
     motion: TrajectoryMotion,
     /// Ticks that are left until the robot has to stand.
     left: u64,
-    /// The group with which it comes to rest, and when that began.
-    group: Option<(Uuid, MonoTime)>,
+    /// The group with which it comes to rest.
+    group: Option<Uuid>,
 }
 
 /// How soon a motion that ends is to be at rest.
@@ -63,9 +63,7 @@ impl Brake {
     /// The trajectory on which it comes to rest with this group, if it does.
     pub(in crate::control) fn of_group(&mut self, group: Uuid) -> Option<&mut TrajectoryMotion> {
         match self {
-            Self::OnPath(PathBrake { motion, group: Some((id, _)), .. }) if *id == group => {
-                Some(motion)
-            }
+            Self::OnPath(PathBrake { motion, group: Some(id), .. }) if *id == group => Some(motion),
             _ => None,
         }
     }
@@ -106,36 +104,19 @@ impl LoopState {
         }
     }
 
-    /// Brings a deadline forward that was set for a person, since now something is wrong.
-    pub(in crate::control) fn hurry(&mut self, tick: &Tick<'_>) {
-        if let (Some(Brake::OnPath(brake)), Some(last)) = (&mut self.ramp, self.limiter.last()) {
-            if brake.group.is_some_and(|(_, since)| since == tick.now) {
-                // By what is wrong now it was given its time.
-                return;
-            }
-            let ticks = ramp_ticks(&last.velocity, &self.limits, tick.params.period);
-            brake.left = brake.left.min(ticks + allowance(true, tick.params.period));
-        }
-    }
-
-    /// How many ticks a robot that comes to rest with its group may still take for that, if another
-    /// stop comes on top.
-    pub(in crate::control) fn common_left(&self, params: &Params) -> Option<u64> {
-        let Some(Brake::OnPath(PathBrake { left, group: Some((id, _)), .. })) = &self.ramp else {
-            return None;
+    /// Brings a deadline forward that was set for a person, since now something is wrong; a stop leaves
+    /// a robot that comes to rest with its group the time for that.
+    pub(in crate::control) fn hurry(&mut self, tick: &Tick<'_>, end: End) {
+        let period = tick.params.period;
+        let group = match &self.ramp {
+            Some(Brake::OnPath(brake)) if end.is_stop() => brake.group,
+            _ => None,
         };
-        let common_s = self.common_ramp_s(*id, params)?;
-        let own = ramp_ticks(&self.limiter.last()?.velocity, &self.limits, params.period);
-        let common = (common_s / params.period.as_secs_f64()).ceil() as u64;
-        Some((*left).min(own + allowance(true, params.period) + common))
-    }
-
-    /// Gives the brake of a group so many ticks, whoever hurried it up.
-    pub(in crate::control) const fn stay_together(&mut self, ticks: Option<u64>) {
-        if let (Some(Brake::OnPath(brake)), Some(ticks)) = (&mut self.ramp, ticks)
-            && brake.group.is_some()
-        {
-            brake.left = ticks;
+        let common_s = group.and_then(|group| self.common_ramp_s(group, tick.params));
+        let common = whole_periods(common_s.unwrap_or_default(), period);
+        if let (Some(Brake::OnPath(brake)), Some(last)) = (&mut self.ramp, self.limiter.last()) {
+            let ticks = ramp_ticks(&last.velocity, &self.limits, period);
+            brake.left = brake.left.min(ticks + allowance(true, period) + common);
         }
     }
 
@@ -163,10 +144,9 @@ impl LoopState {
         match last {
             Some(last) if brakes(&mut motion) => {
                 let ticks = ramp_ticks(&last.velocity, &self.limits, period);
-                let common_s = haste.together.map_or(0.0, |(_, ramp_s)| ramp_s);
-                let common = (common_s / period_s).ceil() as u64;
+                let (group, common_s) = haste.together.unzip();
+                let common = whole_periods(common_s.unwrap_or_default(), period);
                 let left = ticks + allowance(haste.urgent, period) + common;
-                let group = haste.together.map(|(id, _)| (id, tick.now));
                 self.ramp = Some(Brake::OnPath(PathBrake { motion, left, group }));
             }
             _ => give_back(tick, motion),
@@ -275,7 +255,12 @@ impl LoopState {
 fn ramp_ticks(velocity: &JointVector, limits: &MotionLimits, period: Duration) -> u64 {
     let joints = velocity.iter().zip(limits.iter());
     let longest_s = joints.map(|(v, axis)| v.abs() / axis.acceleration).fold(0.0, f64::max);
-    (longest_s / period.as_secs_f64()).ceil() as u64
+    whole_periods(longest_s, period)
+}
+
+/// How many ticks a time \[s\] takes.
+fn whole_periods(time_s: f64, period: Duration) -> u64 {
+    (time_s / period.as_secs_f64()).ceil() as u64
 }
 
 const fn allowance(hurry: bool, period: Duration) -> u64 {

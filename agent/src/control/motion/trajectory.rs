@@ -20,8 +20,8 @@
 //!
 //! A start at an instant is at the tick nearest to it. One with partners is at the first tick from it on,
 //! at the phase that has passed by then: so robots whose ticks fall at different times are at one
-//! phase all the same, if they begin at full speed. No set-point is farther from the first waypoint for that, nor faster, than
-//! that of the second tick would be. If the position held is not exactly the
+//! phase all the same, if they begin at full speed. No set-point is farther from the first waypoint
+//! for that, nor faster, than that of the second tick would be. If the position held is not exactly the
 //! first waypoint, since it was taken from a measurement, a slow move there comes before. It is
 //! planned when the order is taken and begun early enough that clock zero falls on the instant:
 //! robots that start together do so, whatever small distance each had to go. If there is no

@@ -8,16 +8,12 @@
 //! A crash in between leaves an agent that died, which is a stop by itself. It moves nothing and
 //! enables nothing.
 
-use armada_protocol::messages::{
-    Denial, DenialCode, EventKind, ResetAnswer, ResetParams, Severity,
-};
-use serde_json::Value;
+use armada_protocol::messages::{Denial, DenialCode, ResetAnswer, ResetParams};
 use uuid::Uuid;
 
 use super::{Asker, LOOP_PATIENCE, Requests};
 use crate::runtime::board::Board;
 use crate::runtime::clock::monotonic;
-use crate::runtime::desk::Remark;
 
 /// A reset that was granted, while it becomes durable.
 struct Granted {
@@ -41,25 +37,13 @@ impl Requests {
         };
         let durable = tokio::time::timeout(LOOP_PATIENCE, self.keeper.durable(granted.kept)).await;
         let durable = durable.unwrap_or_else(|_| Err("the disk does not answer".to_owned()));
-        self.open_gate(&granted, durable)?;
-        self.say_who_reset(&asker, &granted.cleared);
+        self.open_gate(&granted, asker, durable)?;
         let waited = tokio::time::timeout(LOOP_PATIENCE, cleared_count.changed()).await;
         if !matches!(waited, Ok(Ok(()))) {
             return Err(Denial::new(DenialCode::Timeout, "the control loop does not answer"));
         }
         let epoch = self.board.lock().snapshot.epoch;
         Ok(ResetAnswer { cleared: granted.cleared, epoch })
-    }
-
-    fn say_who_reset(&self, asker: &Asker, cleared: &[Uuid]) {
-        let ids = cleared.iter().map(|id| Value::from(id.to_string())).collect();
-        let details = [("client", Value::from(asker.client.as_str())), ("stop_ids", ids)];
-        self.tell(Remark {
-            severity: Severity::Info,
-            kind: EventKind::Reset,
-            message: format!("{} resets {} stops", asker.client, cleared.len()),
-            details: details.map(|(name, value)| (name.to_owned(), value)).into_iter().collect(),
-        });
     }
 
     /// Checks the reset and has a file without the latch written; `None` if nothing is latched. Its
@@ -81,7 +65,12 @@ impl Requests {
     }
 
     /// Opens the gate, unless the file could not be written or anything changed meanwhile.
-    fn open_gate(&self, granted: &Granted, durable: Result<(), String>) -> Result<(), Denial> {
+    fn open_gate(
+        &self,
+        granted: &Granted,
+        asker: Asker,
+        durable: Result<(), String>,
+    ) -> Result<(), Denial> {
         let mut board = self.board.lock();
         let refused = match durable {
             Err(problem) => Some(not_kept(&board, &problem)),
@@ -95,6 +84,7 @@ impl Requests {
         }
         board.stop = None;
         board.stages.clear();
+        board.reset_by = Some((asker.client, granted.cleared.clone()));
         Ok(())
     }
 }

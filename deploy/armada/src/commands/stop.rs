@@ -258,6 +258,14 @@ mod tests {
     }
 
     #[test]
+    fn who_does_not_know_the_cell_does_not_speak_for_all_of_it() {
+        let unknown = Outcome { scope_is_known: false, ..outcome(StopVerdict::Complete, &[]) };
+        let verdict = unknown.verdict();
+        assert!(verdict.starts_with("complete for the robots that were found"), "{verdict}");
+        assert!(!verdict.contains("every robot"), "{verdict}");
+    }
+
+    #[test]
     fn a_silent_robot_is_named_and_the_verdict_says_go_and_look() {
         let outcome = outcome(StopVerdict::Incomplete, &["torso"]);
         assert_eq!(outcome.lines()[1], "torso: NO ANSWER");
